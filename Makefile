@@ -1,0 +1,51 @@
+# run, test, lint, bench, clean. Everything that a target needs is made in .venv first.
+
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+SCENARIO ?= scenarios/whom_to_imitate.yaml
+
+.PHONY: run test lint bench clean help
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make run    run $(SCENARIO) (or SCENARIO=file)"
+	@echo "make test   the fast tests"
+	@echo "make lint   style and types"
+	@echo "make bench  the benchmarks, into benchmarks/results.json"
+	@echo "make clean  remove caches and the environment; runs/ stays"
+
+run: $(STAMP)
+	$(BIN)/testbed run $(SCENARIO)
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n 2 -q -m "not slow"
+
+# pre-commit needs a git checkout; in an unpacked archive its three commands do the same.
+lint: $(STAMP)
+	@if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then \
+		$(BIN)/pre-commit run --all-files; \
+	else \
+		$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy; \
+	fi
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks
+
+# The stamp is newer than what it was made from, or the environment is made again on top of what is there.
+$(STAMP): pyproject.toml constraints.txt
+	@command -v $(PYTHON) >/dev/null 2>&1 && $(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
+		found=$$(python3 -c 'import platform; print(platform.python_version())' 2>/dev/null || echo none); \
+		echo "Python 3.11 is needed ($(PYTHON) is missing or another version; python3 here: $$found)."; \
+		echo "PyBullet has no wheels for newer Pythons. Install it, e.g. apt-get install python3.11 python3.11-venv,"; \
+		echo "or name it: make PYTHON=/path/to/python3.11"; \
+		exit 1; } >&2
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { \
+		rm -rf $(VENV); echo "The venv module is missing: apt-get install python3.11-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,220 @@
+"""What a run looks like on a terminal, and as plain lines where there is none."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from testbed.errors import shown_path
+
+if TYPE_CHECKING:
+    from testbed.experiment.jobs import Job
+
+_COLOURS = {"appropriate": "blue", "inappropriate": "yellow"}
+_MOST_ROWS = 12
+
+
+class Bars:
+    """Progress on a terminal.
+
+    A single trial has a bar a phase; many have one over all of them and one for each that is running.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=32),
+            TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+            TimeRemainingColumn(),
+            TextColumn("left"),
+            console=console,
+        )
+        self._single = True
+        self._overall: TaskID | None = None
+        self._phases: dict[tuple[Job, str], TaskID] = {}
+
+    def __enter__(self) -> Bars:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def started(self, path: Path, total: int, finished: int) -> None:
+        """Show where the run goes, and the bar over all trials where there are several."""
+        if finished:
+            self.notice(f"continuing {shown_path(path)}: {finished} of {total} trials are finished")
+        self._single = total - finished <= 1
+        if total > 1:
+            self._overall = self._progress.add_task("[bold]trials", total=total, completed=finished)
+
+    def progressed(self, job: Job, phase: str, done: int, total: int) -> None:
+        """Move the phase's bar; with many trials a trial shows only the phase that it is in."""
+        key = (job, phase)
+        if key not in self._phases:
+            if not self._single:
+                self._drop(job)
+            name = phase if self._single else f"{job}: {phase}"
+            self._phases[key] = self._progress.add_task(escape(name), total=max(total, 1))
+        self._progress.update(self._phases[key], completed=done if total else 1, total=max(total, 1))
+
+    def finished(self, job: Job) -> None:
+        """Count the trial."""
+        self._advance(job)
+
+    def failed(self, job: Job, why: str, file: Path) -> None:
+        """Count the trial and say why it failed."""
+        self._advance(job)
+        self.notice(f"{job} failed: {why}; see {shown_path(file)}")
+
+    def notice(self, text: str) -> None:
+        """A line above the bars."""
+        self._progress.console.print(escape(text), style="yellow", soft_wrap=True)
+
+    def _advance(self, job: Job) -> None:
+        if not self._single:
+            self._drop(job)
+        if self._overall is not None:
+            self._progress.advance(self._overall)
+
+    def _drop(self, job: Job) -> None:
+        for key in [key for key in self._phases if key[0] == job]:
+            self._progress.remove_task(self._phases.pop(key))
+
+
+class Lines:
+    """Progress as plain lines, for logs: when a phase of a single trial ends, or one of many trials."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._total = 1
+        self._done = 0
+        self._fresh = 0
+        self._began = self._phase_began = time.monotonic()
+
+    def __enter__(self) -> Lines:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def started(self, path: Path, total: int, finished: int) -> None:
+        """Say where the run goes."""
+        self._total, self._done = total, finished
+        self._began = self._phase_began = time.monotonic()
+        self.notice(f"{shown_path(path)}: {finished} of {total} trials are finished")
+
+    def progressed(self, job: Job, phase: str, done: int, total: int) -> None:
+        """A line when a phase of the only trial ends."""
+        if self._total == 1 and done >= total:
+            now = time.monotonic()
+            self.notice(f"{phase}: done in {now - self._phase_began:.1f} s")
+            self._phase_began = now
+
+    def finished(self, job: Job) -> None:
+        """A line with the time that is left, going by the trials so far."""
+        self._count(job, "finished")
+
+    def failed(self, job: Job, why: str, file: Path) -> None:
+        """A line with the reason."""
+        self._count(job, f"failed: {why}; see {shown_path(file)}")
+
+    def notice(self, text: str) -> None:
+        """A line."""
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def _count(self, job: Job, what: str) -> None:
+        self._done += 1
+        self._fresh += 1
+        left = (time.monotonic() - self._began) / self._fresh * (self._total - self._done)
+        rest = f" ({self._done} of {self._total}, about {_duration(left)} left)" if self._total > 1 else ""
+        self.notice(f"{job} {what}{rest}")
+
+
+def display_on(console: Console) -> Bars | Lines:
+    """The display that suits the console; use it as a context manager."""
+    return Bars(console) if console.is_terminal else Lines(console)
+
+
+def verdict_table(contents: Mapping[str, Any]) -> Table:
+    """The verdicts of a run: each of them where they are few, a line a teacher where they are many.
+
+    Args:
+        contents: As in ``verdicts.json``.
+    """
+    rows = contents["verdicts"]
+    return _each(rows) if len(rows) <= _MOST_ROWS else _together(rows)
+
+
+def summary_lines(contents: Mapping[str, Any]) -> list[str]:
+    """A sentence a student: how many verdicts were right, and how well the scores part the teachers."""
+    return [_sentence(name, summary) for name, summary in contents["summary"].items()]
+
+
+def _each(rows: list[Mapping[str, Any]]) -> Table:
+    several = len({row["trial"] for row in rows}) > 1
+    table = Table(title="Whom to imitate?", title_justify="left")
+    for heading in (
+        *(("trial",) if several else ()),
+        "teacher",
+        "robot",
+        "verdict",
+        "truth",
+        "",
+        "score",
+        "imitated",
+    ):
+        table.add_column(heading, justify="right" if heading in ("trial", "score") else "left")
+    for row in rows:
+        verdict, truth = row["verdict"], row["truth"]
+        cells = [row["teacher"], row["robot"], _coloured(verdict), _coloured(truth), _mark(verdict == truth)]
+        cells += [_number(row["score"]), "yes" if row.get("chosen") else "no"]
+        table.add_row(*((str(row["trial"]),) if several else ()), *cells)
+    return table
+
+
+def _together(rows: list[Mapping[str, Any]]) -> Table:
+    table = Table(title="Whom to imitate?", title_justify="left")
+    for heading in ("teacher", "robot", "truth", "judged appropriate", "right"):
+        table.add_column(heading)
+    for key in dict.fromkeys((row["teacher"], row["robot"], row["truth"]) for row in rows):
+        group = [row for row in rows if (row["teacher"], row["robot"], row["truth"]) == key]
+        yes = sum(row["verdict"] == "appropriate" for row in group)
+        right = sum(row["verdict"] == row["truth"] for row in group)
+        shares = (f"{yes} of {len(group)}", f"{right / len(group):.0%}")
+        table.add_row(key[0], key[1], _coloured(key[2]), *shares)
+    return table
+
+
+def _sentence(name: str, summary: Mapping[str, Any]) -> str:
+    n = summary["n"]
+    right = round(summary["accuracy"] * n)
+    text = f"student {name}: {right} of {n} verdicts are right"
+    text += f" (95% interval {summary['accuracy_low']:.0%} to {summary['accuracy_high']:.0%})"
+    if summary["auc"] is not None and summary["auc_low"] is not None:
+        text += f"; AUC {summary['auc']:.2f} ({summary['auc_low']:.2f} to {summary['auc_high']:.2f})"
+    return text
+
+
+def _coloured(word: str) -> str:
+    colour = _COLOURS.get(word)
+    return f"[{colour}]{escape(word)}[/]" if colour else escape(word)
+
+
+def _mark(right: bool) -> str:
+    return "right" if right else "[red]wrong[/]"
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.3f}"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

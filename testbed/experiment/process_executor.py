@@ -1,0 +1,196 @@
+"""Trials in worker processes: one fresh, spawned process each, one pipe each.
+
+Bullet holds Python's global lock, so parallel trials take processes. A worker owns no lock that others need
+and writes no file, so it can be killed at any moment: its pipe closes, its trial goes to a new worker once
+more, and only then counts as failed. Workers die with the process that started them, however that one dies.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import connection, resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from testbed.experiment.executor import Compute, Listener, summary
+from testbed.experiment.jobs import Job
+
+_ATTEMPTS = 2
+_QUIET_TIME = 0.1  # seconds between two progress messages of a phase
+_GRACE = 2.0  # seconds that a worker gets to end before it is killed
+
+
+@dataclass
+class _Worker:
+    process: SpawnProcess
+    pipe: Connection
+    job: Job | None = None
+
+
+class ProcessExecutor:
+    """Computes jobs in ``workers`` processes.
+
+    Args:
+        workers: How many, at least 1.
+    """
+
+    def __init__(self, workers: int) -> None:
+        if workers < 1:
+            raise ValueError("there must be at least one worker")
+        self.workers = workers
+
+    def run(self, jobs: Sequence[Job], compute: Compute, listener: Listener) -> None:
+        """Compute every job; see :class:`testbed.experiment.executor.Executor`."""
+        waiting = list(jobs)
+        attempts = dict.fromkeys(jobs, 0)
+        crew: list[_Worker] = []
+        try:
+            while waiting or any(worker.job for worker in crew):
+                self._fill(crew, waiting, attempts, compute)
+                for worker in _ready(crew):
+                    lost = _listen(worker, listener)
+                    if lost is None:
+                        continue
+                    crew.remove(worker)
+                    job, why = lost
+                    if attempts[job] < _ATTEMPTS:
+                        waiting.insert(0, job)
+                    else:
+                        listener.failed(job, why, f"{why}, {_ATTEMPTS} times\n")
+        finally:
+            _dismiss(crew)
+
+    def _fill(
+        self, crew: list[_Worker], waiting: list[Job], attempts: dict[Job, int], compute: Compute
+    ) -> None:
+        """Give every idle worker a job, and hire while there are jobs and room."""
+        while waiting:
+            idle = next((worker for worker in crew if worker.job is None), None)
+            if idle is None:
+                if len(crew) >= self.workers:
+                    return
+                idle = _hire(compute)
+                crew.append(idle)
+            idle.job = waiting.pop(0)
+            attempts[idle.job] += 1
+            try:
+                idle.pipe.send(idle.job)
+            except OSError:
+                return  # it died while idle; its end is noticed, with its job, when listening
+
+
+def _hire(compute: Compute) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_work, args=(theirs, compute), daemon=True)
+    with _interrupts_held():
+        process.start()
+    theirs.close()  # the worker holds the only other end, so that its death closes the pipe
+    return _Worker(process, ours)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """A Ctrl-C goes to every process of the terminal; workers are born deaf to it and hear from us."""
+    resource_tracker.ensure_running()  # it would unblock the signal again if it were started within
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _ready(crew: Sequence[_Worker]) -> list[_Worker]:
+    ready = connection.wait([worker.pipe for worker in crew if worker.job])
+    return [worker for worker in crew if worker.pipe in ready]
+
+
+def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
+    """Hear one message; returns the job and the reason if the worker is lost."""
+    job = worker.job
+    assert job is not None  # only busy workers are listened to
+    try:
+        kind, *message = worker.pipe.recv()
+    except (EOFError, OSError):
+        worker.process.join(_GRACE)
+        return job, _fate(worker.process.exitcode)
+    if kind == "progress":
+        listener.progressed(job, *message)
+        return None
+    worker.job = None
+    if kind == "finished":
+        listener.finished(job, *message)
+    else:
+        listener.failed(job, *message)
+    return None
+
+
+def _fate(exitcode: int | None) -> str:
+    if exitcode is not None and exitcode < 0:
+        name = signal.Signals(-exitcode).name
+        memory = " (out of memory?)" if name == "SIGKILL" else ""
+        return f"its worker process was killed by {name}{memory}"
+    return f"its worker process ended by itself with status {exitcode}"
+
+
+def _dismiss(crew: Sequence[_Worker]) -> None:
+    for worker in crew:
+        worker.process.terminate()
+        worker.pipe.close()  # afterwards, or the worker would meet a closed pipe and complain
+    for worker in crew:
+        worker.process.join(_GRACE)
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
+        worker.process.close()
+
+
+def _work(pipe: Connection, compute: Compute) -> None:
+    """The life of a worker: jobs in, messages out, until it is dismissed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    while True:
+        try:
+            job: Job = pipe.recv()
+            pipe.send(_outcome(job, compute, pipe))
+        except (EOFError, OSError):
+            return  # nobody listens any more
+
+
+def _outcome(job: Job, compute: Compute, pipe: Connection) -> tuple[Any, ...]:
+    try:
+        return "finished", compute(job, _Reporter(pipe))
+    except Exception as error:
+        return "failed", summary(error), traceback.format_exc()
+
+
+class _Reporter:
+    """Sends progress, but not more often than anybody can read."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._phase = ""
+        self._next = 0.0
+
+    def __call__(self, phase: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if phase == self._phase and now < self._next and done < total:
+            return
+        self._phase, self._next = phase, now + _QUIET_TIME
+        self._pipe.send(("progress", phase, done, total))
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)

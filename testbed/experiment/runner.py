@@ -1,0 +1,156 @@
+"""Run a scenario: what a run is, from top to bottom."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from testbed.experiment import provenance, verdicts
+from testbed.experiment.executor import Compute, Executor, InProcessExecutor, Progress
+from testbed.experiment.jobs import Job, jobs_of
+from testbed.experiment.process_executor import ProcessExecutor
+from testbed.experiment.record import TrialResult
+from testbed.experiment.run_directory import RunDirectory, default_path
+from testbed.scenario import Scenario
+
+
+class Display(Protocol):
+    """Shows a run as it goes."""
+
+    def started(self, path: Path, total: int, finished: int) -> None:
+        """A run of ``total`` trials begins, of which so many were ``finished`` before."""
+
+    def progressed(self, job: Job, phase: str, done: int, total: int) -> None:
+        """A trial has gone some way through a phase."""
+
+    def finished(self, job: Job) -> None:
+        """A trial is done and safely on the disk."""
+
+    def failed(self, job: Job, why: str, file: Path) -> None:
+        """A trial failed; the traceback is in ``file``."""
+
+    def notice(self, text: str) -> None:
+        """Something that the user should know, in one line."""
+
+
+class Quiet:
+    """A display that shows nothing."""
+
+    def started(self, path: Path, total: int, finished: int) -> None:
+        """Nothing."""
+
+    def progressed(self, job: Job, phase: str, done: int, total: int) -> None:
+        """Nothing."""
+
+    def finished(self, job: Job) -> None:
+        """Nothing."""
+
+    def failed(self, job: Job, why: str, file: Path) -> None:
+        """Nothing."""
+
+    def notice(self, text: str) -> None:
+        """Nothing."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run came to.
+
+    Attributes:
+        path: The run directory.
+        verdicts: The contents of ``verdicts.json``, of every trial that finished.
+        failed: The trials that did not finish; running again tries them again.
+    """
+
+    path: Path
+    verdicts: dict[str, Any]
+    failed: tuple[Job, ...]
+
+
+def run(
+    scenario: Scenario,
+    *,
+    out: Path | None = None,
+    workers: int = 1,
+    display: Display | None = None,
+    compute: Compute | None = None,
+) -> Outcome:
+    """Compute every trial of a scenario that is not yet finished, and sum up.
+
+    Args:
+        scenario: What to run; ``scenario.trials`` is the total, trials of earlier runs included.
+        out: The run directory; ``runs/<scenario>-<hash8>`` by default.
+        workers: How many processes; 1 computes in this one.
+        display: Shows progress.
+        compute: Computes one trial; the student's whole life by default.
+
+    Raises:
+        UserError: If the run directory cannot be used, or the disk fills up. Finished trials are kept.
+    """
+    display = display or Quiet()
+    compute = compute or functools.partial(live, scenario)
+    path = out or default_path(scenario)
+    with RunDirectory.prepare(path, scenario, lambda: provenance.describe(scenario)) as directory:
+        _tell_changed_source(directory, display)
+        jobs = jobs_of(scenario)
+        finished = directory.finished(jobs, display.notice)
+        remaining = [job for job in jobs if job not in finished]
+        display.started(path, len(jobs), len(finished))
+        recorder = _Recorder(directory, display)
+        executor_for(min(workers, len(remaining))).run(remaining, compute, recorder)
+        contents = summed_up(directory)
+        verdicts.write(path, contents)
+        return Outcome(path, contents, tuple(recorder.lost))
+
+
+def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    """Compute one trial: the student discovers itself, looks, imitates and decides."""
+    from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
+
+    return run_trial(scenario, job.trial, progress)
+
+
+def executor_for(workers: int) -> Executor:
+    """The executor for this many workers."""
+    return ProcessExecutor(workers) if workers > 1 else InProcessExecutor()
+
+
+def summed_up(directory: RunDirectory) -> dict[str, Any]:
+    """The contents of ``verdicts.json`` from the trials of the scenario that are finished.
+
+    Raises:
+        UserError: If a finished trial is damaged.
+    """
+    jobs = [job for job in jobs_of(directory.scenario) if directory.is_finished(job)]
+    rows = [row for job in jobs for row in directory.read_rows(job)]
+    scenario = directory.scenario
+    return verdicts.document(scenario.name, directory.hash8, rows, scenario.seed)
+
+
+class _Recorder:
+    """Puts what the executor tells on the disk first and on the display second."""
+
+    def __init__(self, directory: RunDirectory, display: Display) -> None:
+        self._directory = directory
+        self._display = display
+        self.progressed: Callable[[Job, str, int, int], None] = display.progressed
+        self.lost: list[Job] = []
+
+    def finished(self, job: Job, result: TrialResult) -> None:
+        self._directory.write_trial(job, result)
+        self._display.finished(job)
+
+    def failed(self, job: Job, why: str, details: str) -> None:
+        self.lost.append(job)
+        self._display.failed(job, why, self._directory.write_error(job, details))
+
+
+def _tell_changed_source(directory: RunDirectory, display: Display) -> None:
+    before, now = directory.provenance.get("source"), provenance.source_revision()
+    if before != now:
+        display.notice(
+            "this run was begun with another version of the source; delete it to compute it all anew"
+        )

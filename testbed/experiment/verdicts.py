@@ -1,0 +1,142 @@
+"""``verdicts.json``: what programs read.
+
+Equal trials give equal bytes, whoever computed them and in what order.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.experiment.atomic import write_text
+from testbed.experiment.statistics import Interval, auc, auc_interval, wilson
+
+FILE = "verdicts.json"
+_FIRST = (
+    "trial",
+    "cell",
+    "student",
+    "teacher",
+    "robot",
+    "truth",
+    "verdict",
+    "score",
+    "score_low",
+    "score_high",
+)
+_DIGITS = 9
+_BOOTSTRAP = 0xA0C  # keeps the resampling apart from every other use of the scenario's seed
+Row = Mapping[str, Any]
+
+
+def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
+    """The statistics of every student, by name.
+
+    Args:
+        rows: One row a teacher and trial, as in ``verdicts.json``.
+        seed: The scenario's seed; the bootstrap follows from it.
+
+    Returns:
+        For each student: ``n`` verdicts and ``trials``; ``auc`` with its interval over trials (None where it
+        cannot be told, rows without a score left out); ``accuracy``, the share of right verdicts, with its
+        Wilson interval; ``found``, how many candidates the student found by itself.
+    """
+    students = dict.fromkeys(str(row["student"]) for row in rows)
+    return {
+        student: _summary([row for row in rows if row["student"] == student], seed) for student in students
+    }
+
+
+def document(name: str, hash8: str, rows: Iterable[Row], seed: int) -> dict[str, Any]:
+    """The contents of ``verdicts.json``, before rounding: rows by cell, trial, student and teacher."""
+    ordered = sorted(
+        rows, key=lambda row: (row["cell"], row["trial"], row["student"], _natural(row["teacher"]))
+    )
+    return {
+        "scenario": name,
+        "hash": hash8,
+        "verdicts": _filled(ordered),
+        "summary": summarise(ordered, seed),
+    }
+
+
+def text(contents: Mapping[str, Any]) -> str:
+    """``verdicts.json`` as text: one row a line, nine significant digits, NaN written as null."""
+    head = [f'  "{key}": {_json(contents[key])}' for key in ("scenario", "hash")]
+    rows = ",\n".join(f"    {_json(row)}" for row in contents["verdicts"])
+    summaries = ",\n".join(f"    {_json(key)}: {_json(value)}" for key, value in contents["summary"].items())
+    body = [*head, f'  "verdicts": [\n{rows}\n  ]', f'  "summary": {{\n{summaries}\n  }}']
+    return "{\n" + ",\n".join(body) + "\n}\n"
+
+
+def write(folder: Path, contents: Mapping[str, Any]) -> Path:
+    """Write ``verdicts.json`` in one step; returns its path.
+
+    Raises:
+        UserError: If the disk is full or the folder cannot be written.
+    """
+    write_text(folder / FILE, text(contents))
+    return folder / FILE
+
+
+def _summary(rows: Sequence[Row], seed: int) -> dict[str, Any]:
+    scored = [row for row in rows if _is_number(row["score"])]
+    scores = np.array([float(row["score"]) for row in scored])
+    positive = np.array([row["truth"] == "appropriate" for row in scored], dtype=bool)
+    trials = [f"{row['cell']}/{row['trial']}" for row in scored]
+    area = auc(scores, positive)
+    spread = auc_interval(scores, positive, trials, np.random.default_rng([_BOOTSTRAP, seed]))
+    right = sum(row["verdict"] == row["truth"] for row in rows)
+    share = wilson(right, len(rows))
+    return {
+        "n": len(rows),
+        "trials": len({(row["cell"], row["trial"]) for row in rows}),
+        "auc": area,
+        **_named("auc", spread),
+        "accuracy": right / len(rows),
+        **_named("accuracy", share),
+        "found": sum(bool(row["found"]) for row in rows),
+    }
+
+
+def _named(name: str, interval: Interval | None) -> dict[str, float | None]:
+    low, high = interval or (None, None)
+    return {f"{name}_low": low, f"{name}_high": high}
+
+
+def _filled(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Every row with every column, None where it does not apply, so that programs find what they look for."""
+    columns = dict.fromkeys((*_FIRST, *(name for row in rows for name in row)))
+    return [{name: row.get(name) for name in columns} for row in rows]
+
+
+def _natural(name: str) -> tuple[str, int, str]:
+    """teacher_2 before teacher_10."""
+    stem, _, number = name.rpartition("_")
+    return (stem, int(number), name) if number.isdecimal() else (name, -1, name)
+
+
+def _is_number(value: Any) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(_rounded(value), ensure_ascii=False, allow_nan=False)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        # Adding 0.0 turns a negative zero, which would print as -0.0, into zero.
+        return float(f"{float(value):.{_DIGITS}g}") + 0.0 if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _rounded(item) for key, item in value.items()}
+    return value

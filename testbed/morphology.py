@@ -1,0 +1,362 @@
+"""What a robot's body is: a tree of simple parts, joined by hinges that a servo turns.
+
+Section 3.1 of the paper describes one such body, three parts long. Here any number of parts hangs on a root; a
+hinge turns its limb downward for positive angles and lies flat at zero. A body is a frozen description without
+physics: it can be scaled, varied, measured, turned into a URDF or into meshes, and loaded from
+``robots/<name>.yaml``.
+
+Frames: every part's frame sits at its centre with x along its length and z up. A hinge's frame sits where the
+limb is mounted, is turned by the mounting angle about the parent's z (0 points along the parent's x) and rotates
+about its own y axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from testbed.documents import read_document, validate
+from testbed.resources import robot_path
+
+Vector = NDArray[np.float64]
+Length = Annotated[float, Field(gt=0, le=2.0, description="metres")]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Part(_Frozen):
+    density: float = Field(600.0, gt=0, le=30_000, description="kg/m3; the paper's 0.6 g/cm3")
+    friction: float = Field(0.5, ge=0, le=5, description="Coulomb coefficient against a ground of 1")
+    luminosity: int = Field(110, ge=0, le=255, description="grey level under full light")
+
+    @property
+    def volume(self) -> float:
+        """Volume in cubic metres."""
+        raise NotImplementedError
+
+    @property
+    def mass(self) -> float:
+        """Mass in kilograms."""
+        return self.density * self.volume
+
+    @property
+    def length_along_x(self) -> float:
+        """Distance from the hinge that carries this part to the hinges at its far end, in metres."""
+        raise NotImplementedError
+
+
+class Cuboid(_Part):
+    """A rectangular solid."""
+
+    shape: Literal["cuboid"] = "cuboid"
+    size: tuple[Length, Length, Length] = Field(description="length, width, height in metres")
+
+    @property
+    def volume(self) -> float:
+        """Volume in cubic metres."""
+        return math.prod(self.size)
+
+    @property
+    def inertia(self) -> Vector:
+        """Principal moments of inertia about the centre, (3,) in kg m2."""
+        x, y, z = (side**2 for side in self.size)
+        return self.mass / 12 * np.array([y + z, x + z, x + y])
+
+    @property
+    def length_along_x(self) -> float:
+        """The length."""
+        return self.size[0]
+
+    def scaled(self, factor: float) -> Self:
+        """The same part, ``factor`` times as large."""
+        x, y, z = self.size
+        return self.model_copy(update={"size": (x * factor, y * factor, z * factor)})
+
+
+class Sphere(_Part):
+    """A ball."""
+
+    shape: Literal["sphere"] = "sphere"
+    radius: Length
+
+    @property
+    def volume(self) -> float:
+        """Volume in cubic metres."""
+        return 4 / 3 * math.pi * self.radius**3
+
+    @property
+    def inertia(self) -> Vector:
+        """Principal moments of inertia about the centre, (3,) in kg m2."""
+        return np.full(3, 0.4 * self.mass * self.radius**2)
+
+    @property
+    def length_along_x(self) -> float:
+        """The diameter."""
+        return 2 * self.radius
+
+    def scaled(self, factor: float) -> Self:
+        """The same part, ``factor`` times as large."""
+        return self.model_copy(update={"radius": self.radius * factor})
+
+
+class CappedCylinder(_Part):
+    """A cylinder along x with a half ball on each end; ``length`` is the cylinder's alone."""
+
+    shape: Literal["capped_cylinder"] = "capped_cylinder"
+    radius: Length
+    length: Length
+
+    @property
+    def volume(self) -> float:
+        """Volume in cubic metres, caps included."""
+        return math.pi * self.radius**2 * (self.length + 4 / 3 * self.radius)
+
+    @property
+    def inertia(self) -> Vector:
+        """Principal moments of inertia about the centre, (3,) in kg m2."""
+        r, h = self.radius, self.length
+        cylinder = self.density * math.pi * r**2 * h
+        caps = self.density * 4 / 3 * math.pi * r**3
+        along = cylinder * r**2 / 2 + caps * 0.4 * r**2
+        across = cylinder * (h**2 / 12 + r**2 / 4) + caps * (0.4 * r**2 + h**2 / 4 + 3 / 8 * h * r)
+        return np.array([along, across, across])
+
+    @property
+    def length_along_x(self) -> float:
+        """The cylinder's length: hinges sit in the centres of the caps."""
+        return self.length
+
+    def scaled(self, factor: float) -> Self:
+        """The same part, ``factor`` times as large."""
+        return self.model_copy(update={"radius": self.radius * factor, "length": self.length * factor})
+
+
+Part = Annotated[Cuboid | Sphere | CappedCylinder, Field(discriminator="shape")]
+
+
+class Joint(_Frozen):
+    """A hinge with a servo between a parent and a child part."""
+
+    parent: str
+    child: str
+    angle_deg: float = Field(0.0, ge=-360, le=360, description="mounting angle about the parent's z axis")
+    along: float = Field(1.0, ge=0, le=1, description="place on a capped cylinder: 0 near end, 1 far end")
+    height: float = Field(0.0, ge=-1, le=1, description="metres above the parent's centre")
+    limits_deg: tuple[float, float] = Field((-90.0, 90.0), description="travel; the paper's [-90, 90]")
+    torque: float = Field(1.2, gt=0, le=100, description="N m; a standard hobby servo of 12 kg cm")
+    speed_deg: float = Field(
+        300.0, gt=0, le=3600, description="deg/s; a standard hobby servo: 60 deg in 0.2 s"
+    )
+
+    @model_validator(mode="after")
+    def _ordered_limits(self) -> Self:
+        low, high = self.limits_deg
+        if not -180 <= low < high <= 180:
+            raise ValueError(
+                f"limits_deg must be two rising angles within [-180, 180], not [{low:g}, {high:g}]"
+            )
+        return self
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Travel in rad."""
+        low, high = self.limits_deg
+        return math.radians(low), math.radians(high)
+
+    def scaled(self, factor: float) -> Self:
+        """The same hinge on a body ``factor`` times as large; torque grows as weight times length does."""
+        return self.model_copy(update={"height": self.height * factor, "torque": self.torque * factor**4})
+
+
+class Morphology(_Frozen):
+    """A body: named parts and the hinges that make a tree of them.
+
+    The order of ``joints`` is the order of motor commands; the order of ``parts`` is the order of rolls.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][\w-]*$")
+    description: str = ""
+    parts: dict[str, Part] = Field(min_length=1)
+    joints: dict[str, Joint] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_a_tree(self) -> Self:
+        carried: dict[str, str] = {}
+        for name, joint in self.joints.items():
+            for end in (joint.parent, joint.child):
+                if end not in self.parts:
+                    known = ", ".join(self.parts)
+                    raise ValueError(f"joint '{name}' refers to no part: '{end}'; the parts are {known}")
+            if joint.child in carried:
+                raise ValueError(
+                    f"part '{joint.child}' hangs on two joints, '{carried[joint.child]}' and '{name}'"
+                )
+            carried[joint.child] = name
+        roots = [part for part in self.parts if part not in carried]
+        if not roots:
+            raise ValueError("the joints form a ring; one part must be carried by no joint")
+        if len(roots) > 1:
+            raise ValueError(f"the parts {', '.join(roots)} are not joined; add a joint between them")
+        if len(self._reached(roots[0])) < len(self.parts):
+            raise ValueError("some joints form a ring apart from the root; every part must lead back to it")
+        return self
+
+    def _reached(self, root: str) -> set[str]:
+        reached, frontier = {root}, [root]
+        while frontier:
+            here = frontier.pop()
+            for joint in self.joints.values():
+                if joint.parent == here and joint.child not in reached:
+                    reached.add(joint.child)
+                    frontier.append(joint.child)
+        return reached
+
+    @property
+    def root(self) -> str:
+        """The part that no joint carries: the main body, where the tilt sensor sits."""
+        carried = {joint.child for joint in self.joints.values()}
+        return next(part for part in self.parts if part not in carried)
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        return sum(part.mass for part in self.parts.values())
+
+    @property
+    def limits(self) -> Vector:
+        """Joint limits, (joints, 2) in rad."""
+        return np.array([joint.limits for joint in self.joints.values()]).reshape(-1, 2)
+
+    def scaled(self, factor: float) -> Morphology:
+        """The same body, ``factor`` times as large, densities unchanged."""
+        return self.model_copy(
+            update={
+                "parts": {name: part.scaled(factor) for name, part in self.parts.items()},
+                "joints": {name: joint.scaled(factor) for name, joint in self.joints.items()},
+            }
+        )
+
+    def varied(
+        self,
+        *,
+        parts: Mapping[str, Mapping[str, object]] | None = None,
+        joints: Mapping[str, Mapping[str, object]] | None = None,
+    ) -> Morphology:
+        """The same body with some fields of some parts and joints replaced, validated anew.
+
+        Args:
+            parts: Part name to the fields to replace, e.g. ``{"limb_a": {"length": 0.15}}``.
+            joints: Joint name to the fields to replace, e.g. ``{"joint_b": {"angle_deg": 30}}``.
+
+        Raises:
+            KeyError: If a name is not in the body.
+            pydantic.ValidationError: If the result is no valid body.
+        """
+        data = self.model_dump()
+        for kind, changes in (("parts", parts or {}), ("joints", joints or {})):
+            for name, fields in changes.items():
+                data[kind][name] = {**data[kind][name], **fields}
+        return Morphology.model_validate(data)
+
+    def mount(self, joint: Joint) -> Vector:
+        """Where a hinge sits in its parent's frame: a (4, 4) pose at joint angle zero."""
+        return _mount(self.parts[joint.parent], joint)
+
+    def poses(self, angles: Sequence[float] | Vector) -> dict[str, Vector]:
+        """Forward kinematics: each part's (4, 4) pose in the root's frame at these joint angles (rad)."""
+        poses = {self.root: np.eye(4)}
+        pending = list(zip(self.joints.values(), angles, strict=True))
+        while pending:
+            joint, angle = pending.pop(0)
+            if joint.parent not in poses:
+                pending.append((joint, angle))
+                continue
+            half_length = translation(self.parts[joint.child].length_along_x / 2, 0, 0)
+            poses[joint.child] = (
+                poses[joint.parent] @ self.mount(joint) @ rotation_y(float(angle)) @ half_length
+            )
+        return {name: poses[name] for name in self.parts}
+
+    def resting_height(self) -> float:
+        """Height of the root's centre, in metres, when the flat body touches the ground at its lowest point."""
+        flat = self.poses(np.zeros(len(self.joints)))
+        return -min(_lowest(self.parts[name], pose) for name, pose in flat.items())
+
+    def reach(self) -> tuple[float, float, float]:
+        """Smallest and greatest x of the flat body and the greatest height it can reach, in metres, from the root."""
+        flat = self.poses(np.zeros(len(self.joints)))
+        ends = [end for name, pose in flat.items() for end in _extent_x(self.parts[name], pose)]
+        limbs = sum(part.length_along_x for name, part in self.parts.items() if name != self.root)
+        return min(ends), max(ends), limbs + self.resting_height()
+
+
+def load_robot(name: str | Path) -> Morphology:
+    """A robot from its description.
+
+    Args:
+        name: The name of a shipped robot (``crawler``), or the path of a YAML file.
+
+    Raises:
+        UserError: If there is no such robot, or its description is wrong.
+    """
+    path = Path(name) if Path(name).suffix else robot_path(str(name))
+    return validate(Morphology, read_document(path))
+
+
+def translation(x: float, y: float, z: float) -> Vector:
+    """A (4, 4) pose that only shifts."""
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def rotation_y(angle: float) -> Vector:
+    """A (4, 4) pose that only turns about y: x turns toward -z, downward, for positive angles (rad)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
+
+
+def rotation_z(angle: float) -> Vector:
+    """A (4, 4) pose that only turns about z, counter-clockwise seen from above, in rad."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+def _mount(parent: Cuboid | Sphere | CappedCylinder, joint: Joint) -> Vector:
+    angle = math.radians(joint.angle_deg)
+    c, s = math.cos(angle), math.sin(angle)
+    if isinstance(parent, CappedCylinder):
+        place = (parent.length * (joint.along - 0.5), 0.0, joint.height)
+    elif isinstance(parent, Sphere):
+        place = (parent.radius * c, parent.radius * s, joint.height)
+    else:  # where a ray from the centre leaves the rectangle seen from above
+        half_x, half_y = parent.size[0] / 2, parent.size[1] / 2
+        distance = min(half_x / max(abs(c), 1e-12), half_y / max(abs(s), 1e-12))
+        place = (distance * c, distance * s, joint.height)
+    return translation(*place) @ rotation_z(angle)
+
+
+def _lowest(part: Cuboid | Sphere | CappedCylinder, pose: Vector) -> float:
+    return float(pose[2, 3] - _half_extent(part, pose[2, :3]))
+
+
+def _extent_x(part: Cuboid | Sphere | CappedCylinder, pose: Vector) -> tuple[float, float]:
+    half = _half_extent(part, pose[0, :3])
+    return float(pose[0, 3] - half), float(pose[0, 3] + half)
+
+
+def _half_extent(part: Cuboid | Sphere | CappedCylinder, row: Vector) -> float:
+    """Half of a part's extent along a world axis whose components in the part's frame are ``row``."""
+    if isinstance(part, Cuboid):
+        return float(np.abs(row) @ np.array(part.size) / 2)
+    if isinstance(part, Sphere):
+        return part.radius
+    return part.radius + abs(float(row[0])) * part.length / 2

@@ -1,0 +1,265 @@
+"""Rigid bodies that move: a Bullet world in which bodies are addressed by name.
+
+Both the world that the student stands in and the student's imagination of itself (Section 3.2.2, footnote 2: the
+paper used ODE) are such a simulation, each with a client of its own. Bodies enter as URDF, the way any other
+simulator would read them.
+
+Bullet's limits, measured: stepping holds the GIL, so parallel work takes processes; adding and removing a body
+leaks about 5 kB, so long searches re-use one simulation and never a process for ever.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from testbed.morphology import Morphology, Vector
+from testbed.urdf import to_urdf
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicsSpec:
+    """How finely the physics is computed.
+
+    Attributes:
+        step: Length of a physics step in seconds.
+        gravity: Downward acceleration in m/s2.
+        ground_friction: Coulomb coefficient of the ground; Bullet multiplies it with the part's.
+        solver_iterations: Contact solver sweeps a step (Bullet's own default).
+    """
+
+    step: float = 1 / 240
+    gravity: float = 9.81
+    ground_friction: float = 1.0
+    solver_iterations: int = 50
+
+
+@dataclass(frozen=True)
+class _Body:
+    number: int
+    morphology: Morphology
+    start: tuple[tuple[float, float, float], tuple[float, float, float, float]]
+    parts: tuple[str, ...]  # in Bullet's order: root, then its links
+    motors: tuple[int, ...]  # link number of every joint, in the morphology's order
+    torques: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+
+class Simulation:
+    """A ground plane and any number of named bodies. Use as a context manager, or call :meth:`close`."""
+
+    def __init__(self, spec: PhysicsSpec | None = None) -> None:
+        self.spec = spec or PhysicsSpec()
+        self.client = pybullet.connect(pybullet.DIRECT)
+        self._bodies: dict[str, _Body] = {}
+        pybullet.setGravity(0, 0, -self.spec.gravity, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=self.spec.step,
+            numSolverIterations=self.spec.solver_iterations,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
+        # Left to itself Bullet draws a chequered plane, which makes its renderer twenty times slower. The student's
+        # background is plain, so the ground's looks are a speck far below it.
+        speck = pybullet.createVisualShape(
+            pybullet.GEOM_SPHERE,
+            radius=1e-6,
+            visualFramePosition=(0, 0, -1000),
+            physicsClientId=self.client,
+        )
+        ground = pybullet.createMultiBody(0, plane, speck, physicsClientId=self.client)
+        pybullet.changeDynamics(
+            ground, -1, lateralFriction=self.spec.ground_friction, physicsClientId=self.client
+        )
+
+    def draw_grid(self, *, spacing: float, reach: float) -> None:
+        """Draw lines on the ground for people, ``spacing`` metres apart, out to ``reach``; they touch nobody."""
+        half_width, grey = 0.001, (0.82, 0.82, 0.82, 1.0)
+        places = np.arange(-round(reach / spacing), round(reach / spacing) + 1) * spacing
+        for along_x in (True, False):
+            half = (reach, half_width, half_width) if along_x else (half_width, reach, half_width)
+            line = pybullet.createVisualShape(
+                pybullet.GEOM_BOX, halfExtents=half, rgbaColor=grey, physicsClientId=self.client
+            )
+            for place in places.tolist():
+                position = (0.0, place, 0.0) if along_x else (place, 0.0, 0.0)
+                pybullet.createMultiBody(0, -1, line, position, physicsClientId=self.client)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the simulation; harmless when repeated."""
+        if self.client >= 0:
+            pybullet.disconnect(self.client)
+            self.client = -1
+
+    def add(
+        self, name: str, morphology: Morphology, *, place: tuple[float, float] = (0, 0), yaw: float = 0
+    ) -> None:
+        """Put a body on the ground, lying flat.
+
+        Args:
+            name: What to call it.
+            morphology: Its body.
+            place: Ground coordinates of the root's centre, in metres.
+            yaw: Heading of the root's x axis, rad, counter-clockwise from above.
+        """
+        position = (*place, morphology.resting_height())
+        orientation = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
+            file = Path(folder) / "body.urdf"
+            file.write_text(to_urdf(morphology))
+            number = pybullet.loadURDF(
+                str(file),
+                position,
+                orientation,
+                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                physicsClientId=self.client,
+            )
+        info = [
+            pybullet.getJointInfo(number, link, physicsClientId=self.client)
+            for link in range(pybullet.getNumJoints(number, physicsClientId=self.client))
+        ]
+        links = {joint[1].decode(): joint[0] for joint in info}
+        joints = morphology.joints
+        # Bullet gives a body's root the frame of its centre of mass; the rest is named by the child part.
+        self._bodies[name] = _Body(
+            number=number,
+            morphology=morphology,
+            start=(position, orientation),
+            parts=(morphology.root, *(joint[12].decode() for joint in info)),
+            motors=tuple(links[joint] for joint in joints),
+            torques=tuple(joint.torque for joint in joints.values()),
+            speeds=tuple(math.radians(joint.speed_deg) for joint in joints.values()),
+        )
+        self.reset(name)
+
+    def remove(self, name: str) -> None:
+        """Take a body out of the world."""
+        pybullet.removeBody(self._bodies.pop(name).number, physicsClientId=self.client)
+
+    def reset(self, name: str) -> None:
+        """Back to where the body was put: flat, at rest."""
+        body = self._bodies[name]
+        self.pose(name, np.array([*body.start[0], *body.start[1]]), np.zeros(len(body.motors)))
+        self.command(name, np.zeros(len(body.motors)))
+
+    def pose(self, name: str, base: NDArray[np.floating], joints: NDArray[np.floating]) -> None:
+        """Set a body's state, at rest.
+
+        Args:
+            name: Which body.
+            base: (7,) position (m) and quaternion xyzw of the root.
+            joints: Joint angles, rad.
+        """
+        body = self._bodies[name]
+        position, orientation = base[:3].tolist(), base[3:].tolist()
+        pybullet.resetBasePositionAndOrientation(
+            body.number, position, orientation, physicsClientId=self.client
+        )
+        pybullet.resetBaseVelocity(body.number, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
+        for motor, angle in zip(body.motors, joints.tolist(), strict=True):
+            pybullet.resetJointState(body.number, motor, angle, 0.0, physicsClientId=self.client)
+
+    def command(self, name: str, targets: NDArray[np.floating]) -> None:
+        """Set the servos' targets (rad); each turns there with its own finite torque and speed."""
+        body = self._bodies[name]
+        for motor, target, torque, speed in zip(
+            body.motors, targets.tolist(), body.torques, body.speeds, strict=True
+        ):
+            pybullet.setJointMotorControl2(
+                body.number,
+                motor,
+                pybullet.POSITION_CONTROL,
+                targetPosition=target,
+                force=torque,
+                maxVelocity=speed,
+                physicsClientId=self.client,
+            )
+
+    def step(self, count: int = 1) -> None:
+        """Let ``count`` physics steps pass."""
+        for _ in range(count):
+            pybullet.stepSimulation(physicsClientId=self.client)
+
+    def base(self, name: str) -> Vector:
+        """(7,) position (m) and quaternion xyzw of the root."""
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            self._bodies[name].number, physicsClientId=self.client
+        )
+        return np.array([*position, *orientation])
+
+    def joints(self, name: str) -> Vector:
+        """Joint angles, rad, in the morphology's order."""
+        body = self._bodies[name]
+        if not body.motors:
+            return np.zeros(0)
+        states = pybullet.getJointStates(body.number, body.motors, physicsClientId=self.client)
+        return np.array([state[0] for state in states])
+
+    def speed(self, name: str) -> float:
+        """How fast anything about the body moves: the largest of its angular and joint speeds, rad/s."""
+        body = self._bodies[name]
+        _, angular = pybullet.getBaseVelocity(body.number, physicsClientId=self.client)
+        speeds = [abs(rate) for rate in angular]
+        if body.motors:
+            states = pybullet.getJointStates(body.number, body.motors, physicsClientId=self.client)
+            speeds += [abs(state[1]) for state in states]
+        return float(max(speeds))
+
+    def tilt(self, name: str) -> Vector:
+        """(2,) tilt of the root, rad: about its x axis (to the side) and its y axis (positive nose-down)."""
+        return tilt_of(self.base(name)[3:])
+
+    def picture(
+        self,
+        view: tuple[float, ...],
+        projection: tuple[float, ...],
+        *,
+        width: int,
+        height: int,
+        light: Mapping[str, object],
+    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+        """What a pinhole camera sees, by Bullet's software renderer.
+
+        Args:
+            view: OpenGL view matrix, 16 numbers column by column.
+            projection: OpenGL projection matrix, likewise.
+            width: Pixels across.
+            height: Pixels down.
+            light: Keyword arguments of ``pybullet.getCameraImage`` about lighting.
+
+        Returns:
+            Colours (height, width, 3) and where a body is seen (height, width).
+        """
+        _, _, colours, _, bodies = pybullet.getCameraImage(
+            width,
+            height,
+            view,
+            projection,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+            **light,
+        )
+        rgb = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)[..., :3]
+        return rgb, np.asarray(bodies).reshape(height, width) >= 0
+
+
+def tilt_of(quaternion: NDArray[np.floating]) -> Vector:
+    """(2,) tilt (rad) of a body with this orientation (xyzw), as an accelerometer at rest reads it."""
+    x, y, z, w = (float(part) for part in quaternion)
+    up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))  # world's up in the body's frame
+    return np.array([math.atan2(up[1], up[2]), math.atan2(-up[0], math.hypot(up[1], up[2]))])

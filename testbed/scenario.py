@@ -1,0 +1,201 @@
+"""Scenario files: read, completed, hashed, checked.
+
+A scenario comes in by path or by the name of a shipped one (:func:`load_scenario`), may be changed from the
+command line (:func:`with_overrides`), is written out whole (:func:`resolve`) and named by what it says
+(:func:`content_hash`). :func:`check` looks at what only the robots' bodies can tell.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from testbed.documents import Document, parse_document, plain_scalar, read_document, validate
+from testbed.errors import UserError
+from testbed.resources import robot_names, robot_path, scenario_path
+from testbed.scenario_check import check
+from testbed.scenario_specs import (
+    LARGEST_SEED,
+    GaitSpec,
+    JointWave,
+    LightSpec,
+    RigSpec,
+    Scenario,
+    StudentSpec,
+    TeacherSpec,
+    WorldSpec,
+)
+
+__all__ = [
+    "GaitSpec",
+    "JointWave",
+    "LightSpec",
+    "RigSpec",
+    "Scenario",
+    "StudentSpec",
+    "TeacherSpec",
+    "WorldSpec",
+    "as_scenario",
+    "check",
+    "content_hash",
+    "load_scenario",
+    "parse_scenario",
+    "resolve",
+    "with_overrides",
+]
+
+_HASH_LENGTH = 8
+
+
+def load_scenario(path_or_name: Path | str) -> Scenario:
+    """Read a scenario file, or a shipped scenario by its bare name.
+
+    Raises:
+        UserError: For any mistake in the file, with its line and how to mend it.
+    """
+    path = Path(path_or_name)
+    bare = isinstance(path_or_name, str) and path.name == path_or_name and not path.suffix
+    if bare and not path.is_file():
+        path = scenario_path(path.name)
+    return _scenario(read_document(path), path)
+
+
+def as_scenario(scenario: Scenario | Path | str) -> Scenario:
+    """A scenario as it is, or read and checked from its path or the name of a shipped one.
+
+    Raises:
+        UserError: As :func:`load_scenario` and :func:`check` do.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    loaded = load_scenario(scenario)
+    check(loaded)
+    return loaded
+
+
+def parse_scenario(text: str, file: Path | str = "scenario.yaml") -> Scenario:
+    """A scenario from YAML text; ``file`` names it in errors, and robots are found beside it.
+
+    Raises:
+        UserError: As :func:`load_scenario` does.
+    """
+    return _scenario(parse_document(text, file), Path(file))
+
+
+def _scenario(document: Document, path: Path) -> Scenario:
+    data = {"name": path.stem, **document.data}
+    try:
+        scenario = validate(Scenario, Document(data, document.source))
+    except UserError as error:
+        if "name" not in document.data and error.what.startswith("name "):
+            what = f"the file's name '{path.stem}' cannot be the scenario's name"
+            raise UserError(what, "add a line such as 'name: my_scenario'", file=path, line=1) from None
+        raise
+    scenario = _with_robots_beside(scenario, path.parent)
+    scenario._source = document.source
+    return scenario
+
+
+def _with_robots_beside(scenario: Scenario, folder: Path) -> Scenario:
+    """Paths of robots made absolute, so that they mean the same wherever the scenario goes."""
+    student = scenario.student.model_copy(update={"robot": _absolute(scenario.student.robot, folder)})
+    teachers = tuple(
+        teacher.model_copy(update={"robot": _absolute(teacher.robot, folder)})
+        for teacher in scenario.teachers
+    )
+    return scenario.model_copy(update={"student": student, "teachers": teachers})
+
+
+def _absolute(robot: str, folder: Path) -> str:
+    return str((folder / robot).absolute()) if is_path(robot) else robot
+
+
+def is_path(robot: str) -> bool:
+    """Whether a scenario's ``robot`` is a file rather than the name of a shipped robot."""
+    return "/" in robot or robot.endswith((".yaml", ".yml", ".urdf"))
+
+
+def resolve(scenario: Scenario) -> str:
+    """The scenario as YAML text with every default filled in; reading it gives an equal scenario."""
+    return yaml.dump(  # type: ignore[no-any-return,unused-ignore]
+        scenario.model_dump(mode="json"), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110
+    )
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes text so that our reader reads it back as text (``1e-3`` is text to PyYAML, a number to us)."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    try:
+        plain = plain_scalar(text) == text
+    except ValueError:
+        plain = False
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
+
+
+_Dumper.add_representer(str, _represent_text)
+
+
+def content_hash(scenario: Scenario) -> str:
+    """Eight hexadecimal digits of what the scenario says, the robots' descriptions included.
+
+    ``trials`` is left out: it is a total, and a run with more of them continues. Comments, the order of keys,
+    spelled-out defaults and the folder that the files are in change nothing.
+    """
+    data = scenario.model_dump(mode="json", exclude={"trials"})
+    for owner in (data["student"], *data["teachers"]):
+        owner["robot"] = _robot_content(owner["robot"])
+    text = json.dumps(data, sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_HASH_LENGTH]
+
+
+def _robot_content(robot: str) -> object:
+    """What a robot's description says, so that a changed body is a changed scenario."""
+    if not is_path(robot) and robot not in robot_names():
+        return robot  # no such robot: check() says so
+    path = Path(robot) if is_path(robot) else robot_path(robot)
+    if path.suffix != ".urdf":
+        return read_document(path).data
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        raise UserError("cannot read the robot's file", "check its name and rights", file=path) from None
+
+
+def with_overrides(
+    scenario: Scenario, *, seed: int | None = None, trials: int | None = None, smoke: bool = False
+) -> Scenario:
+    """The scenario with a command line's wishes.
+
+    Args:
+        scenario: What the file says.
+        seed: Another seed, from 0 to 2**32 - 1.
+        trials: Another total number of trials.
+        smoke: Cut down to seconds: one trial (unless ``trials`` says otherwise), the student's smallest
+            parameters.
+
+    Raises:
+        UserError: If a number is out of range.
+    """
+    update: dict[str, object] = {}
+    if smoke:
+        student = scenario.student
+        update["student"] = student.model_copy(update={"parameters": student.parameters.smoke()})
+        update["trials"] = 1
+    if seed is not None:
+        if not 0 <= seed <= LARGEST_SEED:
+            raise UserError(f"seed {seed} is out of range", f"choose one between 0 and {LARGEST_SEED}")
+        update["seed"] = seed
+    if trials is not None:
+        if trials < 1:
+            raise UserError(f"{trials} trials are too few", "ask for at least 1; the number is the total")
+        update["trials"] = trials
+    return scenario.model_copy(update=update)

@@ -1,0 +1,129 @@
+"""What only the robots' bodies can tell about a scenario: can they do it, and can they be seen?"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from testbed.document_errors import Place
+from testbed.documents import Source
+from testbed.errors import UserError, did_you_mean
+from testbed.scenario_specs import RigSpec, Scenario
+
+if TYPE_CHECKING:
+    from testbed.morphology import Morphology
+    from testbed.world.placement import Placement
+
+Ends = list[tuple[float, float]]
+IMAGE_ASPECT = 75 / 100  # height over width, in pixels
+_ROUNDING_DEG = 1e-6
+_CLOSENESS = 1e-9  # metres
+
+
+def check(scenario: Scenario) -> None:
+    """Look for what cannot work: unknown robots, impossible gaits, bodies out of view, views that are shared.
+
+    Raises:
+        UserError: For the first such mistake, with the line in the scenario's file and how to mend it.
+    """
+    source = scenario.source
+    _body(scenario.student.robot, ("student", "robot"), source)
+    bodies = [
+        _body(teacher.robot, ("teachers", index, "robot"), source)
+        for index, teacher in enumerate(scenario.teachers)
+    ]
+    from testbed.world.placement import placements, teacher_names  # the world is made of scenarios
+
+    named = dict(zip(teacher_names(scenario), bodies, strict=True))
+    spots = placements(scenario, named)
+    ends = [_ends(body, spots[name]) for name, body in named.items()]
+    for index, body in enumerate(bodies):
+        _check_gait(index, body, scenario)
+        _check_view(index, body, ends[index], scenario)
+    _check_views_apart(ends, scenario)
+
+
+def _body(robot: str, place: Place, source: Source) -> Morphology:
+    from testbed.morphology import load_robot  # bodies are read with our own documents, so they come after us
+
+    try:
+        return load_robot(robot)
+    except UserError as error:
+        if error.file is not None and error.line is not None:
+            raise  # the mistake is inside the robot's own file
+        raise source.error(place, error.what, error.mend) from None
+
+
+def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
+    source = scenario.source
+    for name, motion in scenario.teachers[index].gait.joints.items():
+        here: Place = ("teachers", index, "gait", "joints", name)
+        if name not in body.joints:
+            what = f"the gait moves joint '{name}', which robot '{body.name}' does not have"
+            raise source.error(here, what, did_you_mean(name, body.joints, kind="joints"))
+        (low, high), (least, most) = motion.span_deg, body.joints[name].limits_deg
+        if low < least - _ROUNDING_DEG or high > most + _ROUNDING_DEG:
+            what = (
+                f"the gait swings joint '{name}' from {low:g} to {high:g} degrees, "
+                f"but robot '{body.name}' turns it from {least:g} to {most:g}"
+            )
+            raise source.error(here, what, "lower amplitude_deg or shift centre_deg")
+
+
+def _check_view(index: int, body: Morphology, ends: Ends, scenario: Scenario) -> None:
+    teacher, rig = scenario.teachers[index], scenario.rig
+    place: Place = ("teachers", index)
+    if abs(teacher.bearing_deg) > rig.pan_limit_deg:
+        what = (
+            f"bearing {teacher.bearing_deg:g} degrees is beyond the rig's pan limit of {rig.pan_limit_deg:g}"
+        )
+        mend = "move the teacher or raise rig.pan_limit_deg"
+        raise scenario.source.error((*place, "bearing_deg"), what, mend)
+    # A pinhole sees the point (x, y, z) of its frame if |x| and |y| stay below z times a tangent.
+    across = math.tan(math.radians(rig.field_of_view_deg) / 2)
+    up = IMAGE_ASPECT * across
+    nearer = [(abs(x) + rig.baseline / 2) / across - (z - teacher.distance) for x, z in ends]
+    _, _, highest = body.reach()
+    needed = max(*nearer, (highest - rig.height) / up, rig.height / up)
+    if teacher.distance < needed - _CLOSENESS:
+        what = (
+            f"robot '{body.name}', stretched out or upright, does not fit in view at {teacher.distance:g} m"
+        )
+        mend = f"put it at {math.ceil(needed * 100) / 100:g} m or farther, or widen rig.field_of_view_deg"
+        raise scenario.source.error((*place, "distance"), what, mend)
+
+
+def _check_views_apart(ends: list[Ends], scenario: Scenario) -> None:
+    """While the rig looks at one teacher, no other may reach into either image: one silhouette a view."""
+    bearings = [teacher.bearing_deg for teacher in scenario.teachers]
+    widths = [_half_width_deg(one, scenario.rig) for one in ends]
+    for later in range(len(bearings)):
+        for earlier in range(later):
+            apart = abs(bearings[later] - bearings[earlier])
+            apart = min(apart, 360 - apart)
+            needed = scenario.rig.field_of_view_deg / 2 + max(widths[earlier], widths[later])
+            if apart < needed:
+                what = f"teachers {earlier} and {later}, {apart:g} degrees apart, share a view"
+                mend = f"put their bearings at least {math.ceil(needed)} degrees apart"
+                raise scenario.source.error(("teachers", later, "bearing_deg"), what, mend)
+
+
+def _half_width_deg(ends: Ends, rig: RigSpec) -> float:
+    """How far to the side of its bearing a body can be seen by either camera, in degrees."""
+    widest = 0.0
+    for x, depth in ends:
+        away = math.hypot(x, depth)
+        parallax = math.asin(min(1.0, rig.baseline / 2 / max(away, _CLOSENESS)))
+        widest = max(widest, abs(math.atan2(x, depth)) + parallax)
+    return math.degrees(widest)
+
+
+def _ends(body: Morphology, spot: Placement) -> Ends:
+    """The flat body's two ends in the frame of a rig that looks its way: to the right and in depth (m)."""
+    sine, cosine = math.sin(spot.bearing), math.cos(spot.bearing)
+    ends = []
+    for along in body.reach()[:2]:
+        x = spot.place[0] + along * math.cos(spot.yaw)
+        y = spot.place[1] + along * math.sin(spot.yaw)
+        ends.append((x * cosine - y * sine, x * sine + y * cosine))
+    return ends

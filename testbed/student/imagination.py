@@ -1,0 +1,94 @@
+"""Trying things out in the mind: the physical simulation of a self-model (Sections 3.2.2 and 3.4.2)."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from testbed.morphology import Morphology, Vector
+from testbed.physics import PhysicsSpec, Simulation
+
+_BODY = "self"
+
+
+class Imagination:
+    """A simulation of its own in which the student lets self-models act. A context manager.
+
+    Args:
+        physics: The physics that the student believes in.
+        control_step: Seconds between two motor commands.
+    """
+
+    def __init__(self, physics: PhysicsSpec, control_step: float) -> None:
+        self._simulation = Simulation(physics)
+        self._substeps = round(control_step / physics.step)
+        self._step = physics.step
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._simulation.close()
+
+    def settle(self, body: Morphology, commands: Vector, *, limit: float, rest_speed: float) -> Vector:
+        """The tilt of a body's root after each command, started flat.
+
+        Args:
+            body: The body.
+            commands: (n, joints) motor commands, rad.
+            limit: Longest time to wait for rest, s.
+            rest_speed: Slower than this (rad/s) is at rest.
+
+        Returns:
+            (n, 2) tilt, rad.
+        """
+        patience = 12  # physics steps between two looks whether the body is at rest
+        tilts = []
+        self._simulation.add(_BODY, body)
+        for command in commands:
+            self._simulation.reset(_BODY)
+            self._simulation.command(_BODY, command)
+            for _ in range(max(1, round(limit / self._step / patience))):
+                self._simulation.step(patience)
+                if self._simulation.speed(_BODY) < rest_speed:
+                    break
+            tilts.append(self._simulation.tilt(_BODY))
+        self._simulation.remove(_BODY)
+        return np.array(tilts).reshape(-1, 2)
+
+    def imagine(self, body: Morphology) -> Rehearsal:
+        """Put a body into the mind to rehearse motions with; close it afterwards."""
+        return Rehearsal(self._simulation, self._substeps, body)
+
+
+class Rehearsal:
+    """One body in the mind, flat at the start of each motion. A context manager."""
+
+    def __init__(self, simulation: Simulation, substeps: int, body: Morphology) -> None:
+        self._simulation, self._substeps, self._body = simulation, substeps, body
+        simulation.add(_BODY, body)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._simulation.remove(_BODY)
+
+    def move(self, targets: Vector) -> tuple[Vector, Vector]:
+        """Let the body follow motor commands, one a control step.
+
+        Args:
+            targets: (steps, joints) rad.
+
+        Returns:
+            After each step: base (steps, 7), position and quaternion of the root, and joints (steps, joints) rad.
+        """
+        self._simulation.reset(_BODY)
+        bases, joints = np.empty((len(targets), 7)), np.empty_like(targets)
+        for step, target in enumerate(targets):
+            self._simulation.command(_BODY, target)
+            self._simulation.step(self._substeps)
+            bases[step] = self._simulation.base(_BODY)
+            joints[step] = self._simulation.joints(_BODY)
+        return bases, joints

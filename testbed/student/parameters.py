@@ -1,0 +1,199 @@
+"""Everything that the paper leaves open, in one place: a name, a default and a reason for each.
+
+The student ``paper`` follows Kaipa, Bongard and Meltzoff (2010) to the letter; where the letter is silent a
+parameter below speaks. Lengths are in metres, angles in radians unless the name ends in ``_deg``, times in
+seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class SelfDiscoveryParameters(_Frozen):
+    """Section 3.2: from motor commands and tilt to a self-model."""
+
+    commands: int = Field(10, ge=1, le=1000, description="Section 3.2.1: ten random actuation commands.")
+    iterations: int = Field(50, ge=0, le=100_000, description="Section 3.2.3 and Fig. 6: it ends at t = 50.")
+    mutations_min: int = Field(1, ge=1, le=3, description="Section 3.2.3: from one ...")
+    mutations_max: int = Field(3, ge=1, le=3, description="... to three variables, each at most once.")
+    angle_width_deg: float = Field(
+        60.0,
+        gt=0,
+        description="Standard deviation of a mutation of alpha or beta; open in the paper. The whole circle must be "
+        "within reach of 50 iterations.",
+    )
+    settle_time: float = Field(
+        1.5,
+        gt=0,
+        le=60,
+        description="Seconds from a command to the reading of the tilt, and from lying flat to the next command; "
+        "open in the paper. A servo takes 0.3 s for 90 deg, a body that topples about 0.7 s to lie still.",
+    )
+    rest_speed: float = Field(
+        0.02,
+        gt=0,
+        description="An imagined body slower than this (rad/s) has settled. Only saves time.",
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> SelfDiscoveryParameters:
+        if self.mutations_min > self.mutations_max:
+            raise ValueError("mutations_min must not exceed mutations_max")
+        return self
+
+
+class LookingParameters(_Frozen):
+    """Section 3.3, before modelling: finding candidates, and when to look at them. All open in the paper."""
+
+    sweep_step_deg: float = Field(
+        25.0,
+        gt=0,
+        le=90,
+        description="The rig stops this often when it looks around: half its field of view.",
+    )
+    dwell_time: float = Field(
+        0.5, gt=0, le=60, description="Seconds at each stop once the rig is there: several frames."
+    )
+    dark_below: int = Field(
+        180,
+        ge=1,
+        le=255,
+        description="A pixel darker than this is a robot: robots are grey, the rest is light.",
+    )
+    gap_deg: float = Field(
+        5.0, gt=0, le=90, description="Dark columns further apart belong to two candidates."
+    )
+    narrowest_deg: float = Field(3.0, ge=0, le=90, description="Anything narrower is taken for noise.")
+    first_look: float = Field(
+        1.5, ge=0, le=60, description="Seconds from turning to a candidate to the first image pair."
+    )
+    look_interval: float = Field(
+        0.7,
+        gt=0,
+        le=60,
+        description="Seconds between two image pairs: three looks spread over a stroke of one to two seconds.",
+    )
+
+
+class TeacherModellingParameters(_Frozen):
+    """Section 3.3: from stereo image pairs to a teacher model."""
+
+    image_pairs: int = Field(3, ge=1, le=1000, description="Section 3.3.3: three image pairs.")
+    passes_per_image: int = Field(1000, ge=1, le=100_000, description="Section 3.3.3: 1000 passes on each.")
+    candidate_pixels: int = Field(1000, ge=1, description="Section 3.3.3: 1000 of the 7500 pixels a pass.")
+    estimation_iterations: int = Field(8, ge=1, le=10_000, description="Section 3.3.3: N_est = 8.")
+    buffer: int = Field(1000, ge=1, le=30_000, description="Section 3.3.3: 2 x 1000 pixels; per camera.")
+    mutations_min: int = Field(1, ge=1, le=1000, description="Section 3.3.3: from one ...")
+    mutations_max: int = Field(5, ge=1, le=1000, description="... to five variables, with replacement.")
+    position_width: float = Field(
+        0.02, gt=0, description="Standard deviation of a mutation of x or y (m). TODO"
+    )
+    depth_width: float = Field(0.05, gt=0, description="The same of z (m). TODO")
+    roll_width: float = Field(0.2, gt=0, description="The same of the roll (rad). TODO")
+    size_width: float = Field(0.01, gt=0, description="The same of d1, d2 and d3 (m). TODO")
+    initial_view: float = Field(0.5, gt=0, le=1, description="Part of the view where centres start. TODO")
+    initial_depth: tuple[float, float] = Field(
+        (0.5, 1.5), description="Uniform range of z at first (m). TODO"
+    )
+    initial_extent: tuple[float, float] = Field((0.02, 0.2), description="Uniform range of sizes (m). TODO")
+    depth_bounds: tuple[float, float] = Field((0.3, 3.0), description="z is clipped to this range (m). TODO")
+    extent_bounds: tuple[float, float] = Field((0.01, 0.5), description="Sizes are clipped to it (m). TODO")
+    shape_change: Literal["equal_extent", "circumference"] = Field("equal_extent", description="TODO")
+    part_luminosity: int = Field(96, ge=0, le=254, description="TODO")
+
+    @model_validator(mode="after")
+    def _ranges(self) -> TeacherModellingParameters:
+        if self.mutations_min > self.mutations_max:
+            raise ValueError("mutations_min must not exceed mutations_max")
+        for name in ("initial_depth", "initial_extent", "depth_bounds", "extent_bounds"):
+            low, high = getattr(self, name)
+            if not 0.0 < low <= high:
+                raise ValueError(f"{name} must be two positive numbers, the lower first")
+        return self
+
+
+class ImitationParameters(_Frozen):
+    """Section 3.4: from a teacher model's roll history to a neural controller."""
+
+    iterations: int = Field(
+        500, ge=0, le=100_000, description="Section 3.4.2: terminated after 500 iterations."
+    )
+    samples: int = Field(240, ge=2, le=100_000, description="Section 3.4.1: input length and time steps.")
+    mutations_min: int = Field(1, ge=1, le=1000, description="Section 3.4.2: from one ...")
+    mutations_max: int = Field(3, ge=1, le=1000, description="... to three weights, each at most once.")
+    initial_weight: float = Field(1.0, gt=0, description="Section 3.4.2: weights start within -1 and 1.")
+    weight_width: float = Field(
+        0.5,
+        gt=0,
+        description="Standard deviation of a mutation of a weight; open in the paper. Half the initial range.",
+    )
+    activation: Literal["logistic"] = Field(
+        "logistic",
+        description="The paper says 'an exponential activation function' whose output is scaled linearly to "
+        "[-90, 90] deg: 1 / (1 + exp(-x)), the one with bounds to scale from.",
+    )
+    roll_reading: Literal["half_turn", "raw", "unwrapped"] = Field(
+        "half_turn",
+        description="How the roll of a part that looks the same after half a turn is read: within [-90, 90) deg "
+        "(half_turn), as the genome has it (raw), or made continuous in time by half turns (unwrapped).",
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> ImitationParameters:
+        if self.mutations_min > self.mutations_max:
+            raise ValueError("mutations_min must not exceed mutations_max")
+        return self
+
+
+class VerdictParameters(_Frozen):
+    """Section 3.4 and Fig. 8: from controller errors to a verdict."""
+
+    score: Literal["relative_reduction", "final_error"] = Field(
+        "relative_reduction",
+        description="Section 4: appropriate is who lets the student 'significantly reduce the error of a neural "
+        "network': 1 - e_end / e_start (relative_reduction); or minus the final rms error in rad (final_error).",
+    )
+    threshold: float = Field(
+        0.35,
+        allow_inf_nan=False,
+        description="A score of at least this is appropriate; set on development seeds.",
+    )
+
+
+class PaperParameters(_Frozen):
+    """The open parameters of the student ``paper``, phase by phase."""
+
+    self_discovery: SelfDiscoveryParameters = SelfDiscoveryParameters()
+    looking: LookingParameters = LookingParameters()
+    teacher_modelling: TeacherModellingParameters = TeacherModellingParameters()
+    imitation: ImitationParameters = ImitationParameters()
+    verdict: VerdictParameters = VerdictParameters()
+
+    @model_validator(mode="after")
+    def _history_divides(self) -> PaperParameters:
+        modelling, samples = self.teacher_modelling, self.imitation.samples
+        length = modelling.image_pairs * modelling.passes_per_image * modelling.estimation_iterations
+        if length % samples:
+            raise ValueError(
+                f"imitation.samples must divide the length of the parameter history, {length}, not be {samples}"
+            )
+        return self
+
+    def smoke(self) -> PaperParameters:
+        """The same student in a hurry: every phase runs, none long enough to mean anything."""
+        short = {
+            "self_discovery": {"commands": 3, "iterations": 4, "settle_time": 0.5},
+            "teacher_modelling": {"passes_per_image": 30},
+            "imitation": {"iterations": 6, "samples": 24},
+        }
+        data = self.model_dump()
+        for phase, changes in short.items():
+            data[phase].update(changes)
+        return PaperParameters.model_validate(data)

@@ -1,0 +1,98 @@
+"""Phase one, self-discovery (Section 3.2): which body would have tilted the way mine did?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbed.morphology import Vector
+from testbed.student.imagination import Imagination
+from testbed.student.parameters import SelfDiscoveryParameters
+from testbed.student.search import HillClimber, choose_variables
+from testbed.student.self_model import BodyPrior, self_model
+
+BRANCH = 1
+"""Column of lambda in the genome (alpha, lambda, beta)."""
+
+
+@dataclass(frozen=True)
+class SelfDiscoveryRecord:
+    """What the student felt and came to believe about its body.
+
+    Attributes:
+        commands: (n, 2) random motor commands, rad.
+        tilt: (n, 2) settled tilt after each, rad.
+        genomes: (iterations + 1, 3) the parent after each iteration, the random start first.
+        errors: (iterations + 1,) its error, Eq. 1, rad.
+        believed_tilt: (iterations + 1, n, 2) the tilt that it would have felt with that body, rad.
+    """
+
+    commands: Vector
+    tilt: Vector
+    genomes: Vector
+    errors: Vector
+    believed_tilt: Vector
+
+    @property
+    def genome(self) -> Vector:
+        """(alpha rad, lambda, beta rad) of the final self-model."""
+        return np.asarray(self.genomes[-1])
+
+
+def random_commands(
+    prior: BodyPrior, parameters: SelfDiscoveryParameters, rng: np.random.Generator
+) -> Vector:
+    """Section 3.2.1: (n, joints) commands, uniform over the motors' travel, rad."""
+    low, high = prior.limits.T
+    return rng.uniform(low, high, (parameters.commands, len(low)))
+
+
+def tilt_error(felt: Vector, believed: Vector) -> float:
+    """Eq. 1: root of the summed squared differences of (n, 2) tilts, rad."""
+    return float(np.sqrt(np.sum((felt - believed) ** 2)))
+
+
+def evolve_self_model(
+    prior: BodyPrior,
+    commands: Vector,
+    tilt: Vector,
+    imagination: Imagination,
+    parameters: SelfDiscoveryParameters,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], None],
+) -> SelfDiscoveryRecord:
+    """Section 3.2.3: a hill climber over (alpha, lambda, beta), each self-model physically simulated."""
+
+    def feel(genome: Vector) -> Vector:
+        body = self_model(prior, genome)
+        return imagination.settle(
+            body, commands, limit=parameters.settle_time, rest_speed=parameters.rest_speed
+        )
+
+    start = np.array([rng.uniform(0, math.tau), float(rng.integers(2)), rng.uniform(0, math.tau)])
+    believed = [feel(start)]
+    climber = HillClimber(start, tilt_error(tilt, believed[0]))
+    for iteration in range(parameters.iterations):
+        child = mutate(climber.parent, parameters, rng)
+        child_tilt = feel(child)
+        better = climber.tell(child, tilt_error(tilt, child_tilt))
+        believed.append(child_tilt if better else believed[-1])
+        progress(iteration + 1, parameters.iterations)
+    return SelfDiscoveryRecord(
+        commands, tilt, np.array(climber.parents), np.array(climber.errors), np.array(believed)
+    )
+
+
+def mutate(genome: Vector, parameters: SelfDiscoveryParameters, rng: np.random.Generator) -> Vector:
+    """One to three variables change: angles by a Gaussian, lambda to a new random value of 0 and 1."""
+    child = genome.copy()
+    width = math.radians(parameters.angle_width_deg)
+    for variable in choose_variables(rng, len(child), parameters.mutations_min, parameters.mutations_max):
+        if variable == BRANCH:
+            child[variable] = float(rng.integers(2))
+        else:
+            child[variable] += rng.normal(0.0, width)
+    return child

@@ -1,0 +1,36 @@
+"""Phase four, the verdict (Sections 3.4 and 4): is that candidate like me, an appropriate teacher?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from testbed.morphology import Vector
+from testbed.student.parameters import VerdictParameters
+
+Answer = Literal["appropriate", "inappropriate"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """An answer and the score that it was drawn from; the higher, the more like the student."""
+
+    answer: Answer
+    score: float
+
+
+def judge(errors: Vector, terms: int, parameters: VerdictParameters) -> Verdict:
+    """Draw a verdict from the errors of a controller's evolution.
+
+    Args:
+        errors: (iterations + 1,) Eq. 5 of the parent after each iteration.
+        terms: How many squared differences Eq. 5 sums (samples times parts).
+        parameters: Which score, and the threshold.
+    """
+    if parameters.score == "relative_reduction":
+        score = 1 - float(errors[-1]) / max(float(errors[0]), 1e-12)
+    else:
+        score = -float(errors[-1]) / float(np.sqrt(terms))
+    return Verdict("appropriate" if score >= parameters.threshold else "inappropriate", score)

@@ -1,0 +1,206 @@
+"""The simulated backend: the scenario's robots and stereo rig in a Bullet world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.morphology import Morphology, Vector, load_robot
+from testbed.physics import PhysicsSpec, Simulation
+from testbed.scenario import RigSpec, Scenario
+from testbed.world.backend import Pair
+from testbed.world.optics import expose, projection_matrix, view_matrix
+from testbed.world.placement import STUDENT, Placement, placements, teacher_names
+
+IMAGE = (75, 100)
+"""Rows and columns of the student's images (Section 3.3.3)."""
+
+_PEOPLE_LIGHT = {"lightDirection": (1.0, -2.0, 3.0), "lightAmbientCoeff": 0.6, "lightDiffuseCoeff": 0.4}
+
+
+def bodies_of(scenario: Scenario) -> dict[str, Morphology]:
+    """Everybody's body by agent name, the student first."""
+    robots = (scenario.student.robot, *(teacher.robot for teacher in scenario.teachers))
+    return dict(zip((STUDENT, *teacher_names(scenario)), map(load_robot, robots), strict=True))
+
+
+def physics_of(scenario: Scenario) -> PhysicsSpec:
+    """The physics of the scenario's world."""
+    world = scenario.world
+    return PhysicsSpec(step=world.physics_step, gravity=world.gravity, ground_friction=world.ground_friction)
+
+
+class SimulatedBackend:
+    """A :class:`~testbed.world.backend.Backend` in which Bullet computes what happens and what is seen.
+
+    Beyond the protocol it tells the truth (:meth:`state`), which the world never passes on to an agent.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._robots = bodies_of(scenario)
+        self._spots = placements(scenario, self._robots)
+        self._simulation = Simulation(physics_of(scenario))
+        for name, body in self._robots.items():
+            spot = self._spots[name]
+            self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
+        world, rig = scenario.world, scenario.rig
+        self._substeps = round(world.control_step / world.physics_step)
+        self._pan_step = math.radians(rig.pan_speed_deg) * world.control_step
+        self._steps_per_frame = max(1, round(1 / (rig.camera_rate * world.control_step)))
+        self._pan = 0.0
+        self.reset(np.random.SeedSequence(scenario.seed))
+
+    @property
+    def robots(self) -> Mapping[str, Morphology]:
+        """See :class:`Backend`."""
+        return self._robots
+
+    @property
+    def pan(self) -> float:
+        """See :class:`Backend`."""
+        return self._pan
+
+    def reset(self, seeds: np.random.SeedSequence) -> None:
+        """See :class:`Backend`."""
+        camera, *tilts = seeds.spawn(1 + len(self._robots))
+        self._camera_rng = np.random.default_rng(camera)
+        self._tilt_rngs = dict(zip(self._robots, map(np.random.default_rng, tilts), strict=True))
+        self._pan, self._step = 0.0, 0
+        self._frame: tuple[int, Pair] | None = None
+        for name in self._robots:
+            self._simulation.reset(name)
+
+    def apply(self, commands: Mapping[str, Vector], pan: float) -> None:
+        """See :class:`Backend`."""
+        for name, targets in commands.items():
+            self._simulation.command(name, targets)
+        self._simulation.step(self._substeps)
+        self._pan += float(np.clip(pan - self._pan, -self._pan_step, self._pan_step))
+        self._step += 1
+
+    def tilt(self, robot: str) -> Vector:
+        """See :class:`Backend`."""
+        noise = math.radians(self._scenario.world.tilt_noise_deg)
+        return self._simulation.tilt(robot) + self._tilt_rngs[robot].normal(0.0, noise, 2)
+
+    def progress(self, robot: str) -> float:
+        """See :class:`Backend`."""
+        spot = self._spots[robot]
+        travelled = self._simulation.base(robot)[:2] - spot.place
+        return float(travelled @ (math.cos(spot.yaw), math.sin(spot.yaw)))
+
+    def look(self) -> Pair:
+        """See :class:`Backend`. A new frame comes at the camera's rate; between two frames the last one stays."""
+        frame = self._step // self._steps_per_frame
+        if self._frame is None or self._frame[0] != frame:
+            self._frame = (frame, self._expose_pair())
+        return self._frame[1]
+
+    def picture(self, width: int, height: int) -> NDArray[np.uint8]:
+        """See :class:`Backend`."""
+        eye, target = np.array([0.9, -2.1, 1.3]), np.array([0.0, 0.1, 0.0])
+        return _photograph(self._simulation, eye, target, width, height, math.radians(55))
+
+    def state(self, robot: str) -> tuple[Vector, Vector]:
+        """The truth about a robot: base (7,) position (m) and quaternion of its root, joint angles (rad)."""
+        return self._simulation.base(robot), self._simulation.joints(robot)
+
+    def close(self) -> None:
+        """See :class:`Backend`."""
+        self._simulation.close()
+
+    def _expose_pair(self) -> Pair:
+        rig = self._scenario.rig
+        rows, columns = IMAGE
+        height, width = rows * rig.supersample, columns * rig.supersample
+        projection = projection_matrix(math.radians(rig.field_of_view_deg), width, height)
+        images = []
+        for eye in eyes(rig, self._pan):
+            ahead = np.array([math.sin(self._pan), math.cos(self._pan), 0.0])
+            colours, seen = self._simulation.picture(
+                view_matrix(eye, eye + ahead), projection, width=width, height=height, light=_light(rig)
+            )
+            images.append(
+                expose(
+                    colours,
+                    seen,
+                    background=rig.background,
+                    shape=IMAGE,
+                    noise=rig.camera_noise,
+                    rng=self._camera_rng,
+                )
+            )
+        return np.stack(images)
+
+
+def eyes(rig: RigSpec, pan: float) -> Vector:
+    """(2, 3) where the left and the right camera are in the world when the rig looks in direction ``pan``."""
+    right = np.array([math.cos(pan), -math.sin(pan), 0.0])
+    post = np.array([0.0, 0.0, rig.height])
+    return np.stack([post - right * rig.baseline / 2, post + right * rig.baseline / 2])
+
+
+class Stage:
+    """Bodies that are posed, not moved: to draw again what was recorded. A context manager.
+
+    Args:
+        bodies: Morphologies by name.
+        placements: Where each stands at first; all at the origin by default.
+    """
+
+    def __init__(
+        self, bodies: Mapping[str, Morphology], *, placements: Mapping[str, Placement] | None = None
+    ) -> None:
+        self._simulation = Simulation()
+        self._simulation.draw_grid(spacing=0.1, reach=1.5)
+        for name, body in bodies.items():
+            spot = (placements or {}).get(name, Placement((0.0, 0.0), 0.0, 0.0))
+            self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def pose(self, name: str, base: NDArray[np.floating], joints: NDArray[np.floating]) -> None:
+        """Pose a body: base (7,) position (m) and quaternion xyzw of its root, joint angles in rad."""
+        self._simulation.pose(name, base, joints)
+
+    def picture(
+        self, eye: Vector, target: Vector, width: int, height: int, fov_deg: float = 45.0
+    ) -> NDArray[np.uint8]:
+        """(height, width, 3) a picture on white taken from ``eye`` (m) towards ``target`` (m)."""
+        return _photograph(
+            self._simulation, np.asarray(eye), np.asarray(target), width, height, math.radians(fov_deg)
+        )
+
+    def close(self) -> None:
+        """Free the stage; harmless when repeated."""
+        self._simulation.close()
+
+
+def _photograph(
+    simulation: Simulation, eye: Vector, target: Vector, width: int, height: int, field: float
+) -> NDArray[np.uint8]:
+    projection = projection_matrix(field, width, height)
+    colours, seen = simulation.picture(
+        view_matrix(eye, target), projection, width=width, height=height, light=_PEOPLE_LIGHT
+    )
+    return np.where(seen[..., None], colours, np.uint8(255))
+
+
+def _light(rig: RigSpec) -> dict[str, object]:
+    light = rig.light
+    return {
+        "lightDirection": light.direction,
+        "lightAmbientCoeff": light.ambient,
+        "lightDiffuseCoeff": light.diffuse,
+        "lightSpecularCoeff": light.specular,
+        "shadow": 0,
+    }

@@ -1,0 +1,51 @@
+"""Where everybody stands: the scenario's distances and bearings as coordinates of the ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from testbed.morphology import Morphology
+from testbed.scenario import Scenario
+
+STUDENT = "student"
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A spot on the ground.
+
+    Attributes:
+        place: World x and y of the main body's centre, in metres; the rig's post is the origin.
+        yaw: Heading of the body's x axis, rad, counter-clockwise seen from above.
+        bearing: Direction in which the rig sees the middle of the flat body, rad, positive to the right.
+    """
+
+    place: tuple[float, float]
+    yaw: float
+    bearing: float
+
+
+def teacher_names(scenario: Scenario) -> tuple[str, ...]:
+    """``teacher_0``, ``teacher_1``, ... in the scenario's order."""
+    return tuple(f"teacher_{index}" for index in range(len(scenario.teachers)))
+
+
+def placements(scenario: Scenario, bodies: Mapping[str, Morphology]) -> dict[str, Placement]:
+    """Everybody's spot, the student first.
+
+    The middle of a flat teacher is at its ``distance`` and ``bearing_deg``. With ``facing_deg: 0`` it lies sideways
+    to the line of sight, its x axis to the rig's right; positive facing turns it away from the rig.
+    """
+    x, y = scenario.student.position
+    spots = {STUDENT: Placement((x, y), 0.0, math.atan2(x, y))}
+    for name, teacher in zip(teacher_names(scenario), scenario.teachers, strict=True):
+        bearing = math.radians(teacher.bearing_deg)
+        yaw = math.radians(teacher.facing_deg) - bearing
+        nearest, farthest, _ = bodies[name].reach()
+        middle = (nearest + farthest) / 2
+        x = teacher.distance * math.sin(bearing) - middle * math.cos(yaw)
+        y = teacher.distance * math.cos(bearing) - middle * math.sin(yaw)
+        spots[name] = Placement((x, y), yaw, bearing)
+    return spots

@@ -1,0 +1,19 @@
+"""What the tests share."""
+
+from __future__ import annotations
+
+import pytest
+
+from testbed.scenario import Scenario, load_scenario, with_overrides
+
+
+@pytest.fixture(scope="session")
+def scenario() -> Scenario:
+    """The shipped scenario with one teacher of each kind."""
+    return load_scenario("whom_to_imitate")
+
+
+@pytest.fixture(scope="session")
+def hasty(scenario: Scenario) -> Scenario:
+    """The same cut down to seconds."""
+    return with_overrides(scenario, smoke=True)

@@ -1,0 +1,187 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from testbed.errors import UserError
+from testbed.morphology import load_robot
+from testbed.scenario import GaitSpec, RigSpec, Scenario, TeacherSpec, check, parse_scenario
+from testbed.world.optics import projection_matrix, view_matrix
+from testbed.world.placement import placements
+
+STILL = GaitSpec(kind="still")
+GOOD = "teachers:\n  - robot: crawler\n    gait: crawl\n"
+
+
+def refused(text: str) -> str:
+    scenario = parse_scenario(text, "x.yaml")
+    with pytest.raises(UserError) as caught:
+        check(scenario)
+    assert caught.value.mend
+    return str(caught.value)
+
+
+def passes(scenario: Scenario) -> bool:
+    try:
+        check(scenario)
+    except UserError:
+        return False
+    return True
+
+
+def test_a_sound_scenario_passes() -> None:
+    check(parse_scenario(GOOD))
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "fragments"),
+    [
+        (GOOD.replace("crawler", "crawlr"), 2, ["unknown robot 'crawlr'", "did you mean 'crawler'?"]),
+        (GOOD + "student:\n  robot: craler", 5, ["unknown robot 'craler'", "did you mean 'crawler'?"]),
+        (GOOD.replace("crawler", "./nobody.yaml"), 2, ["there is no such file"]),
+        (
+            "teachers:\n  - robot: crawler\n    gait:\n      joints:\n        joint_a: {}\n        joint_c: {}",
+            6,
+            ["joint 'joint_c', which robot 'crawler' does not have", "did you mean 'joint_"],
+        ),
+        (
+            "teachers:\n  - robot: crawler\n    gait:\n      joints:\n"
+            "        joint_b: {centre_deg: 60, amplitude_deg: 31}",
+            5,
+            ["from 29 to 91 degrees", "turns it from -90 to 90", "lower amplitude_deg"],
+        ),
+        (GOOD + "    distance: 0.5", 4, ["does not fit in view at 0.5 m", "m or farther"]),
+        (GOOD + "    bearing_deg: 100", 4, ["beyond the rig's pan limit of 90", "raise rig.pan_limit_deg"]),
+        (
+            GOOD + "    bearing_deg: 10\n  - robot: splayed\n    gait: still\n    bearing_deg: -10",
+            7,
+            ["teachers 0 and 1, 20 degrees apart, share a view", "degrees apart"],
+        ),
+    ],
+)
+def test_what_cannot_work_is_refused_with_its_line(text: str, line: int, fragments: list[str]) -> None:
+    message = refused(text)
+    assert message.startswith(f"x.yaml:{line}: ")
+    for fragment in fragments:
+        assert fragment in message
+
+
+def test_a_mistake_in_a_robot_of_ones_own_is_told_in_its_own_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("name: mine\nparts:\n  body: {shape: cube}\n")
+    scenario = parse_scenario("teachers: [{robot: mine.yaml, gait: still}]", tmp_path / "x.yaml")
+    with pytest.raises(UserError, match=r"mine\.yaml:3: "):
+        check(scenario)
+
+
+def test_the_mended_distance_and_bearing_pass() -> None:
+    for text, word, mended in [
+        (GOOD + "    distance: 0.4", "put it at ", "    distance: {}"),
+        (
+            GOOD + "    bearing_deg: 0\n" + GOOD[10:] + "    bearing_deg: 20",
+            "at least ",
+            "    bearing_deg: {}",
+        ),
+    ]:
+        mend = refused(text).split(word)[1].split()[0]
+        head, _, _ = text.rpartition("\n")
+        check(parse_scenario(f"{head}\n{mended.format(mend)}"))
+
+
+def seen(points: np.ndarray, rig: RigSpec, pan: float) -> np.ndarray:
+    """(2, N) whether the renderer's own matrices put world points (N, 3) inside the left and the right image."""
+    right = np.array([math.cos(pan), -math.sin(pan), 0.0])
+    ahead = np.array([math.sin(pan), math.cos(pan), 0.0])
+    projection = np.reshape(projection_matrix(math.radians(rig.field_of_view_deg), 100, 75), (4, 4)).T
+    inside = []
+    for side in (-0.5, 0.5):
+        eye = np.array([0, 0, rig.height]) + side * rig.baseline * right
+        view = np.reshape(view_matrix(eye, eye + ahead), (4, 4)).T
+        clip = np.column_stack([points, np.ones(len(points))]) @ view.T @ projection.T
+        inside.append((clip[:, 3] > 0) & (np.abs(clip[:, :2]) <= clip[:, 3:]).all(axis=1))
+    return np.array(inside)
+
+
+def body_points(scenario: Scenario, index: int, count: int) -> np.ndarray:
+    """(N, 3) points along the flat body on the ground, and the highest point above its middle."""
+    body = load_robot(scenario.teachers[index].robot)
+    named = {f"teacher_{i}": load_robot(teacher.robot) for i, teacher in enumerate(scenario.teachers)}
+    spot = placements(scenario, named)[f"teacher_{index}"]
+    least, most, highest = body.reach()
+    along = np.linspace(least, most, count)[:, None]
+    flat = np.array(spot.place) + along * (math.cos(spot.yaw), math.sin(spot.yaw))
+    points = np.column_stack([flat, np.zeros(count)])
+    middle = flat.mean(axis=0)
+    return np.vstack([points, [*middle, 0.0], [*middle, highest]])
+
+
+angles = st.floats(-180, 180)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    robot=st.sampled_from(["crawler", "splayed"]),
+    bearing=st.floats(-90, 90),
+    facing=angles,
+    view=st.floats(20, 100),
+    baseline=st.floats(0.01, 0.3),
+    height=st.floats(0.02, 0.6),
+)
+def test_a_body_passes_from_the_distance_on_where_both_cameras_see_all_of_it(
+    robot: str, bearing: float, facing: float, view: float, baseline: float, height: float
+) -> None:
+    rig = RigSpec(field_of_view_deg=view, baseline=baseline, height=height)
+
+    def at(distance: float) -> Scenario:
+        teacher = TeacherSpec(
+            robot=robot, gait=STILL, distance=distance, bearing_deg=bearing, facing_deg=facing
+        )
+        return Scenario(name="x", rig=rig, teachers=(teacher,))
+
+    def visible(distance: float) -> bool:
+        points = body_points(at(distance), 0, 2)
+        points[:2, 2] = (
+            height  # the ends must be seen in width, the middle in height: limbs rise from their hinges
+        )
+        return bool(seen(points, rig, math.radians(bearing)).all())
+
+    near, far = 0.3, 5.0
+    if visible(near):
+        assert passes(at(near))
+    elif not visible(far):
+        assert not passes(at(far))
+    else:
+        while far - near > 1e-4:
+            middle = (near + far) / 2
+            near, far = (near, middle) if visible(middle) else (middle, far)
+        assert passes(at(far + 1e-3))
+        assert not passes(at(near - 1e-3) if near > 0.301 else at(near))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    bearings=st.tuples(st.floats(-90, 90), st.floats(-90, 90)),
+    facings=st.tuples(angles, angles),
+    distances=st.tuples(st.floats(0.8, 2), st.floats(0.8, 2)),
+)
+def test_teachers_that_pass_are_never_in_one_anothers_view(
+    bearings: tuple[float, float], facings: tuple[float, float], distances: tuple[float, float]
+) -> None:
+    teachers = tuple(
+        TeacherSpec(robot=robot, gait=STILL, distance=distance, bearing_deg=bearing, facing_deg=facing)
+        for robot, distance, bearing, facing in zip(
+            ("crawler", "splayed"), distances, bearings, facings, strict=True
+        )
+    )
+    scenario = Scenario(name="x", teachers=teachers)
+    if passes(scenario):
+        for watched, other in ((0, 1), (1, 0)):
+            points = body_points(scenario, other, 50)
+            assert not seen(points, scenario.rig, math.radians(bearings[watched])).any()
+    elif abs(bearings[0] - bearings[1]) > 75:  # far apart: only a body that does not fit may be the reason
+        alone = [scenario.model_copy(update={"teachers": (teacher,)}) for teacher in teachers]
+        assert not all(map(passes, alone))

@@ -1,0 +1,220 @@
+"""The world: PettingZoo's own test suite, whole episodes that repeat, and what each agent senses."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pettingzoo
+import pytest
+from pettingzoo.test import (
+    api_test,
+    max_cycles_test,
+    parallel_api_test,
+    parallel_seed_test,
+    performance_benchmark,
+    render_test,
+    seed_test,
+)
+
+import testbed
+from testbed.scenario import Scenario
+from testbed.world.bullet import SimulatedBackend
+from testbed.world.env import World
+from testbed.world.gaits import scripted_policy
+
+
+@pytest.fixture
+def world(scenario: Scenario) -> Any:
+    world = testbed.parallel_env(scenario)
+    yield world
+    world.close()
+
+
+def changed(scenario: Scenario, **world: float) -> Scenario:
+    return scenario.model_copy(update={"world": scenario.world.model_copy(update=world)})
+
+
+def test_parallel_api(world: World) -> None:
+    parallel_api_test(world, num_cycles=60)
+
+
+def test_aec_api(scenario: Scenario) -> None:
+    api_test(testbed.env(scenario), num_cycles=60)
+
+
+def test_seeds(scenario: Scenario) -> None:
+    parallel_seed_test(functools.partial(testbed.parallel_env, scenario))
+    seed_test(functools.partial(testbed.env, scenario), num_cycles=20)
+
+
+def test_max_cycles(scenario: Scenario) -> None:
+    def short(max_cycles: int) -> World:
+        return testbed.parallel_env(changed(scenario, max_cycles=max_cycles))
+
+    class Module:
+        env = staticmethod(lambda max_cycles: testbed.env(changed(scenario, max_cycles=max_cycles)))
+        parallel_env = staticmethod(short)
+
+    max_cycles_test(Module)
+
+
+def test_rendering(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both modes for real: the window draws into SDL's offscreen driver where there is no display."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    render_test(functools.partial(testbed.env, scenario))
+
+
+def test_performance_benchmark_runs(scenario: Scenario) -> None:
+    performance_benchmark(testbed.env(scenario))
+
+
+def test_the_registry_knows_the_world(scenario: Scenario) -> None:
+    testbed.register()
+    made = pettingzoo.make("parallel", "testbed/whom_to_imitate-v0", scenario=scenario)
+    made.reset(seed=1)
+    assert made.possible_agents == ["student", "teacher_0", "teacher_1"]
+    made.close()
+
+
+def episode(world: World, seed: int, steps: int = 200) -> bytes:
+    """Every observation, reward and ending of an episode of random actions, as bytes."""
+    rng = np.random.default_rng(99)
+    observations, _ = world.reset(seed=seed)
+    log = []
+    while world.agents and steps:
+        log += [sense.tobytes() for agent in observations.values() for sense in agent.values()]
+        spaces = {agent: world.action_space(agent) for agent in world.agents}
+        actions = {agent: rng.uniform(space.low, space.high) for agent, space in spaces.items()}
+        observations, rewards, *ends, _ = world.step(actions)
+        log.append(repr((rewards, ends)).encode())
+        steps -= 1
+    return b"".join(log)
+
+
+def test_a_seed_repeats_the_whole_episode(world: World, scenario: Scenario) -> None:
+    first = episode(world, seed=5)
+    assert episode(world, seed=5) == first
+    assert episode(world, seed=6) != first
+    afresh = testbed.parallel_env(scenario)
+    assert episode(afresh, seed=5) == first
+    afresh.close()
+
+
+def test_a_reset_without_seed_goes_on_to_another_episode(world: World) -> None:
+    world.reset(seed=5)
+    first, _ = world.reset()
+    second, _ = world.reset()
+    assert not np.array_equal(first["student"]["left"], second["student"]["left"])
+    world.reset(seed=5)
+    again, _ = world.reset()
+    assert np.array_equal(first["student"]["left"], again["student"]["left"])
+
+
+def test_spaces_are_the_same_objects_and_hold_what_is_sensed(world: World) -> None:
+    observations, _ = world.reset(seed=0)
+    for agent in world.possible_agents:
+        assert world.observation_space(agent) is world.observation_space(agent)
+        assert world.action_space(agent) is world.action_space(agent)
+        assert world.observation_space(agent).contains(observations[agent])
+    assert set(observations["student"]) == {"tilt", "joints", "left", "right"}
+    assert observations["student"]["left"].shape == (75, 100)
+
+
+def rest(world: World) -> dict[str, np.ndarray]:
+    return {agent: np.zeros(world.action_space(agent).shape) for agent in world.agents}
+
+
+def test_the_rig_pans_at_its_own_speed_and_stops_at_its_limit(world: World) -> None:
+    world.reset(seed=0)
+    actions = rest(world) | {"student": np.array([0, 0, 9.9])}
+    world.step(actions)
+    assert world.backend.pan == pytest.approx(math.radians(90) / 60)
+    for _ in range(100):
+        world.step(actions)
+    assert world.backend.pan == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_panning_right_moves_what_is_seen_to_the_left_and_nearness_shows_in_disparity(
+    scenario: Scenario,
+) -> None:
+    """Signs of pan and baseline, by the centre of what is dark."""
+    backend = SimulatedBackend(scenario)
+    backend.reset(np.random.SeedSequence(0))
+
+    def middle(image: np.ndarray) -> float:
+        return float(np.nonzero(image < 180)[1].mean())
+
+    while backend.pan > math.radians(-30):
+        backend.apply({}, math.radians(-30))
+    for _ in range(4):
+        backend.apply({}, math.radians(-30))
+    left, right = backend.look()
+    focal = 50 / math.tan(math.radians(25))
+    assert middle(left) - middle(right) == pytest.approx(focal * 0.10 / 0.9, abs=1.0)
+    for _ in range(8):
+        backend.apply({}, math.radians(-25))
+    assert middle(backend.look()[0]) < middle(left) - 5
+    backend.close()
+
+
+def test_images_have_noise_and_come_at_the_cameras_rate(world: World) -> None:
+    observations, _ = world.reset(seed=0)
+    frames = [observations["student"]["left"]]
+    for _ in range(12):
+        observations, *_ = world.step(rest(world))
+        frames.append(observations["student"]["left"])
+    changes = [not np.array_equal(a, b) for a, b in itertools.pairwise(frames)]
+    assert sum(changes) == 3  # 15 images in 60 steps a second
+    assert 1.0 < np.std(frames[-1].astype(float) - frames[0]) < 4.0
+
+
+def test_a_teacher_feels_how_far_the_gaze_passes_it_by(world: World) -> None:
+    observations, _ = world.reset(seed=0)
+    assert observations["teacher_0"]["gaze"][0] == pytest.approx(math.radians(30))
+    assert observations["teacher_1"]["gaze"][0] == pytest.approx(math.radians(-30))
+
+
+def crawl(scenario: Scenario, teacher: int, cycles: int) -> tuple[float, float]:
+    """Metres forward along the body's axis and sideways after some cycles of the gait, the first one left out."""
+    backend = SimulatedBackend(scenario)
+    name, spec = f"teacher_{teacher}", scenario.teachers[teacher]
+    policy = scripted_policy(spec.gait, backend.robots[name], scenario.world.control_step)
+    watched = {"gaze": np.zeros(1)}
+    steps = round(spec.gait.period / scenario.world.control_step)
+    places = []
+    for step in range(steps * (cycles + 1)):
+        backend.apply({name: policy.act(watched)}, 0.0)
+        if (step + 1) % steps == 0:
+            places.append(backend.state(name)[0][:2])
+    yaw = math.radians(spec.facing_deg - spec.bearing_deg)
+    way = (places[-1] - places[0]) / cycles
+    backend.close()
+    ahead = np.array([math.cos(yaw), math.sin(yaw)])
+    return float(way @ ahead), float(abs(way @ (-ahead[1], ahead[0])))
+
+
+@pytest.mark.parametrize("teacher", [0, 1])
+def test_teachers_really_crawl_three_centimetres_a_cycle(scenario: Scenario, teacher: int) -> None:
+    forward, sideways = crawl(scenario, teacher, cycles=4)
+    assert forward >= 0.03
+    assert sideways < forward / 3
+
+
+@pytest.mark.parametrize("teacher", [0, 1])
+def test_it_is_differential_friction_that_moves_them(scenario: Scenario, teacher: int) -> None:
+    forward, _ = crawl(changed(scenario, ground_friction=0.0), teacher, cycles=2)
+    assert abs(forward) < 0.005
+
+
+def test_teachers_wait_to_be_watched(world: World, scenario: Scenario) -> None:
+    spec = scenario.teachers[0]
+    policy = scripted_policy(spec.gait, world.backend.robots["teacher_0"], scenario.world.control_step)
+    assert not policy.act({"gaze": np.array([0.5])}).any()
+    begun = policy.act({"gaze": np.array([0.0])})
+    policy.act({"gaze": np.array([0.1])})
+    policy.act({"gaze": np.array([0.5])})
+    assert np.array_equal(policy.act({"gaze": np.array([0.0])}), begun)
