@@ -1,0 +1,160 @@
+"""One trial from end to end, and that no truth gets through the door between the student and the world."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import testbed.student
+from testbed.experiment import trial as trials
+from testbed.experiment.record import TrialResult
+from testbed.experiment.trial import live, run_trial
+from testbed.scenario import Scenario
+from testbed.student.agent import PaperStudent
+from testbed.world.bullet import SimulatedBackend
+from testbed.world.env import World
+from testbed.world.placement import STUDENT
+
+
+@pytest.fixture(scope="module")
+def result(hasty: Scenario) -> TrialResult:
+    return run_trial(hasty, 0)
+
+
+def same(one: TrialResult, other: TrialResult) -> bool:
+    return one.rows == other.rows and all(
+        one.arrays[key].tobytes() == other.arrays[key].tobytes() for key in one.arrays | other.arrays
+    )
+
+
+def test_a_trial_has_a_row_for_each_teacher(result: TrialResult) -> None:
+    names = [(row["teacher"], row["robot"], row["truth"]) for row in result.rows]
+    assert names == [("teacher_0", "crawler", "appropriate"), ("teacher_1", "splayed", "inappropriate")]
+    for row in result.rows:
+        assert row["found"]
+        assert row["verdict"] in ("appropriate", "inappropriate")
+        assert isinstance(row["score"], float)
+        assert row["final_error"] <= row["initial_error"]
+
+
+def test_arrays_have_the_shapes_that_the_documentation_tells(result: TrialResult, hasty: Scenario) -> None:
+    parameters = hasty.student.parameters
+    shapes = {key: value.shape for key, value in result.arrays.items()}
+    iterations, passes = parameters.imitation.iterations, 3 * parameters.teacher_modelling.passes_per_image
+    assert shapes["self/genome"] == (parameters.self_discovery.iterations + 1, 3)
+    assert shapes["teacher_0/images"] == (3, 2, 75, 100)
+    assert shapes["teacher_0/model_history"] == (passes, 3, 8)
+    assert shapes["teacher_0/model_position_error"] == (passes,)
+    assert shapes["teacher_0/truth_parts"] == (3, 3, 8)
+    assert shapes["teacher_0/controller_objective"] == (iterations + 1,)
+    assert shapes["teacher_0/self_rolls"] == (3, parameters.imitation.samples, 3)
+    assert shapes["truth/teacher_1/base"] == (len(result.arrays["truth/student/base"]), 7)
+    assert all(value.dtype != object for value in result.arrays.values())
+
+
+def test_the_true_parts_lie_where_the_images_are_dark(result: TrialResult, hasty: Scenario) -> None:
+    """The truth that beliefs are measured against, drawn by the analytic kernel over what the camera saw."""
+    from testbed.vision.camera import StereoRig
+    from testbed.vision.kernel import render
+
+    rig = StereoRig(field_of_view=np.radians(hasty.rig.field_of_view_deg), baseline=hasty.rig.baseline)
+    for name in ("teacher_0", "teacher_1"):
+        for pair, parts in zip(
+            result.arrays[f"{name}/images"], result.arrays[f"{name}/truth_parts"], strict=True
+        ):
+            seen, drawn = pair < 180, render(parts, rig) < 255
+            overlap = (seen & drawn).sum() / (seen | drawn).sum()
+            assert overlap > 0.7
+
+
+def test_a_trial_repeats_bit_for_bit(result: TrialResult, hasty: Scenario) -> None:
+    assert same(run_trial(hasty, 0), result)
+    assert not same(run_trial(hasty, 1), result)
+
+
+# No truth reaches the student.
+
+
+def relabelled(scenario: Scenario) -> Scenario:
+    """The same bodies at the same places, with every word about them turned round."""
+    first, second = scenario.teachers
+    teachers = (
+        second.model_copy(update={"appropriate": True}),
+        first.model_copy(update={"appropriate": False}),
+    )
+    return scenario.model_copy(update={"teachers": teachers, "description": "swapped"})
+
+
+def test_swapping_names_order_and_labels_changes_nothing_that_the_student_does(
+    result: TrialResult, hasty: Scenario
+) -> None:
+    swapped = run_trial(relabelled(hasty), 0)
+    for ours, theirs in zip(result.rows, reversed(swapped.rows), strict=True):
+        assert ours["robot"] == theirs["robot"]
+        assert ours["truth"] != theirs["truth"]
+        assert (ours["verdict"], ours["score"]) == (theirs["verdict"], theirs["score"])
+    assert np.array_equal(
+        result.arrays["teacher_0/controller_weights"], swapped.arrays["teacher_1/controller_weights"]
+    )
+    assert np.array_equal(result.arrays["truth/student/joints"], swapped.arrays["truth/student/joints"])
+
+
+class Recorder:
+    """Keeps what a student senses and does."""
+
+    def __init__(self, student: PaperStudent) -> None:
+        self.student = student
+        self.sensed: list[dict[str, Any]] = []
+        self.done_actions: list[bytes] = []
+
+    @property
+    def done(self) -> bool:
+        return self.student.done
+
+    def act(self, observation: dict[str, Any]) -> Any:
+        self.sensed.append({key: value.copy() for key, value in observation.items()})
+        action = self.student.act(observation)
+        self.done_actions.append(action.tobytes())
+        return action
+
+
+def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) -> None:
+    """The same stream of observations without any world behind it: the same life, bit for bit.
+
+    The second student is even told that it has the other body, which must make no difference either, for all that
+    it may know of a body beforehand is the same for both.
+    """
+    backend = SimulatedBackend(hasty)
+    world = World(hasty, backend=backend)
+    seeds = np.random.SeedSequence(7)
+    recorder = Recorder(trials._student(hasty, backend.robots[STUDENT], seeds, trials.silent))
+    live(world, backend, recorder, seed=11)  # type: ignore[arg-type]
+    splayed = backend.robots["teacher_1"]
+    world.close()
+
+    blind = trials._student(hasty, splayed, np.random.SeedSequence(7), trials.silent)
+    assert [blind.act(sensed).tobytes() for sensed in recorder.sensed] == recorder.done_actions
+    ours, theirs = recorder.student.life, blind.life
+    assert ours is not None
+    assert theirs is not None
+    assert [c.verdict for c in ours.candidates] == [c.verdict for c in theirs.candidates]
+    assert np.array_equal(ours.self_discovery.genomes, theirs.self_discovery.genomes)
+    for one, other in zip(ours.candidates, theirs.candidates, strict=True):
+        assert np.array_equal(one.model.history, other.model.history)
+        assert np.array_equal(one.imitation.weights, other.imitation.weights)
+
+
+def test_the_students_room_has_no_window_to_the_world() -> None:
+    """Nothing in testbed/student imports the world, the scenario, the experiment or a backend."""
+    for file in Path(testbed.student.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for module in modules:
+                for room in ("world", "experiment", "scenario", "hardware", "report", "resources"):
+                    assert not module.startswith(f"testbed.{room}"), f"{file.name} imports {module}"
+                assert module != "pybullet", f"{file.name} imports pybullet"
