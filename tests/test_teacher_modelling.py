@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from testbed.student import _eea
+from testbed.student import _mutation
 from testbed.student.parameters import TeacherModellingParameters
 from testbed.student.teacher_modelling import Modelling, TeacherRecord, draw, random_models
 from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE, StereoRig, luminosity, render
@@ -94,7 +94,7 @@ class Plain:
         for variable, normal, shape in zip(variables, normals, shapes, strict=True):
             part, column = child[int(variable) // 8], int(variable) % 8
             if column == 0:
-                _eea.change_shape(part, int(shape), 2.0)  # has tests of its own
+                _mutation.change_shape(part, int(shape), 2.0)  # has tests of its own
             else:
                 part[column] += widths[column] * normal
             self.bound(part)
@@ -232,7 +232,7 @@ def test_a_change_of_shape_keeps_the_visible_extents(
 ) -> None:
     part = np.array([old, 0.0, 0.0, 1.0, 0.3, *sizes])
     across, tall = extents(part)
-    _eea.change_shape(part, new, 2.0)
+    _mutation.change_shape(part, new, 2.0)
     assert part[0] == new
     assert np.all(part[5:] >= 0.0)
     after = extents(part)
@@ -256,15 +256,15 @@ def test_a_change_of_shape_is_slight_to_the_eye(old: int, new: int) -> None:
     sizes = {CUBOID: (0.24, 0.1, 0.16), SPHERE: (0.1, 0.0, 0.0), CAPPED_CYLINDER: (0.08, 0.08, 0.0)}[old]
     part = np.array([old, 0.0, 0.0, 1.0, 0.3, *sizes])
     images = render(part[None], RIG)
-    _eea.change_shape(part, new, 2.0)
+    _mutation.change_shape(part, new, 2.0)
     assert overlap(part[None], images) > 0.6
 
 
 def test_the_letter_of_the_paper_makes_a_cuboid_of_a_circumference() -> None:
     part = np.array([SPHERE, 0.0, 0.0, 1.0, 0.0, 0.05, 0.0, 0.0])
-    _eea.change_shape(part, CUBOID, 2.0 * math.pi)
+    _mutation.change_shape(part, CUBOID, 2.0 * math.pi)
     assert part[5:] == pytest.approx([2.0 * math.pi * 0.05] * 3)
-    _eea.change_shape(part, SPHERE, 2.0 * math.pi)
+    _mutation.change_shape(part, SPHERE, 2.0 * math.pi)
     assert part[5] == pytest.approx(0.05)
 
 

@@ -87,6 +87,16 @@ def test_near_and_behind_the_camera(row: list[float], z: float) -> None:
                 assert seen[pixel] == (distance < 0.0)
 
 
+@pytest.mark.parametrize("row", [(CUBOID, 0.06, 0.4, 0.1), (CAPPED_CYLINDER, 0.03, 0.1, 0.0)])
+def test_what_stands_beside_the_camera_is_seen_on_its_own_side_only(row: tuple[float, ...]) -> None:
+    """The line through a pixel on the other side meets the shape too, but behind the camera."""
+    shape, *sizes = row
+    rig = StereoRig(baseline=0.0, field_of_view=math.radians(150.0))
+    covered = render(np.array([[shape, 0.15, 0.0, 0.02, 0.0, *sizes]]), rig)[0] < 255
+    assert covered[:, 50:].any()
+    assert not covered[:, :50].any()
+
+
 def signed_distance(row: list[float], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far (N, 3) points are outside the shape, negative inside (exact enough for its sign)."""
     shape, centre, omega, sizes = row[0], np.array(row[1:4]), row[4], row[5:]

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.student._mutation import Draws, Rules, mutate
 from testbed.vision._jit import compiled
 from testbed.vision.kernel import cover
 
-CUBOID, SPHERE = 0, 1
 WHITE = 255
 
 
@@ -40,27 +40,6 @@ class Memory(NamedTuple):
     sums: NDArray[np.int64]  # (2, 2): model, camera: the sums of squares of Eq. 4
 
 
-class Draws(NamedTuple):
-    """Every random number of a block of passes."""
-
-    candidates: NDArray[np.float64]  # (passes, candidates) in [0, 1)
-    counts: NDArray[np.int64]  # (passes, iterations, 2 models)
-    variables: NDArray[np.int64]  # (passes, iterations, 2, most) in 0 .. 8k-1
-    normals: NDArray[np.float64]  # (passes, iterations, 2, most)
-    shapes: NDArray[np.int64]  # (passes, iterations, 2, most) in 0 .. 2
-
-
-class Rules(NamedTuple):
-    """The mutation widths and the bounds of a part."""
-
-    luminosity: int
-    widths: NDArray[np.float64]  # (8,)
-    depth: tuple[float, float]  # m
-    extent: tuple[float, float]  # m
-    tangent: tuple[float, float]  # tangents of half the field of view, right and down
-    girth: float  # how much of a radius becomes a cuboid's edge: 2, or 2 pi
-
-
 class Trace(NamedTuple):
     """What a block of passes leaves behind."""
 
@@ -68,72 +47,6 @@ class Trace(NamedTuple):
     error: NDArray[np.float64]  # (passes, 2 models)
     pixels: NDArray[np.int64]  # (passes, 2 cameras)
     disagreed: NDArray[np.bool_]  # (passes, 2 cameras)
-
-
-@compiled
-def change_shape(part: NDArray[np.float64], shape: int, girth: float) -> None:
-    """Give the part (8,) a new shape, with the sizes altered so that its image changes little.
-
-    The visible width and height (along the own axes) are carried over, or their product where the new shape is
-    as wide as high. ``girth`` = 2: a round part of radius r is as wide as a cuboid of edge 2 r.
-    """
-    old = int(part[0])
-    if old == shape:
-        return
-    if old == CUBOID:
-        across, tall = part[5], part[7]
-        part[5] = math.sqrt(across * tall) / girth
-        if shape != SPHERE and across >= tall:
-            part[5] = tall / girth
-        part[6] = max(across - 2.0 * part[5], 0.0) if shape != SPHERE and across >= tall else 0.0
-    elif shape == CUBOID:
-        round_edge = girth * part[5]
-        part[5] = round_edge if old == SPHERE else part[6] + 2.0 * part[5]
-        part[6] = round_edge
-        part[7] = round_edge
-    elif shape == SPHERE:
-        part[5] = 0.5 * math.sqrt((part[6] + 2.0 * part[5]) * 2.0 * part[5])
-    else:
-        part[6] = 0.0
-    part[0] = shape
-
-
-@compiled
-def confine(part: NDArray[np.float64], rules: Rules) -> None:
-    """Clip the part (8,): its depth, its centre into the field of view, its extents. Roll is free."""
-    part[3] = min(max(part[3], rules.depth[0]), rules.depth[1])
-    for axis in range(2):
-        limit = part[3] * rules.tangent[axis]
-        part[1 + axis] = min(max(part[1 + axis], -limit), limit)
-    low, high = rules.extent
-    cuboid = part[0] == CUBOID
-    for column in range(5, 8):
-        part[column] = min(max(part[column], low if cuboid else 0.0), high)
-    if not cuboid:
-        part[5] = min(max(part[5], 0.5 * low), 0.5 * high)
-
-
-@compiled
-def _mutate(
-    model: NDArray[np.float64],
-    touched: NDArray[np.bool_],
-    draws: Draws,
-    t: int,
-    step: int,
-    m: int,
-    rules: Rules,
-) -> None:
-    """Mutate one to five variables of the model (k, 8) in place, and note which parts that touched."""
-    for k in range(touched.size):
-        touched[k] = False
-    for j in range(draws.counts[t, step, m]):
-        k, column = divmod(draws.variables[t, step, m, j], 8)
-        touched[k] = True
-        if column == 0:
-            change_shape(model[k], draws.shapes[t, step, m, j], rules.girth)
-        else:
-            model[k, column] += rules.widths[column] * draws.normals[t, step, m, j]
-        confine(model[k], rules)  # at once: the next variable may be the shape, which reads the sizes
 
 
 @compiled
@@ -315,7 +228,7 @@ def run_passes(
         for step in range(iterations):
             for m in range(2):
                 _copy(models[m], child)
-                _mutate(child, touched, draws, t, step, m, rules)
+                mutate(child, touched, draws, t, step, m, rules)
                 rows, sums = memory.rows[m], memory.sums[m]
                 _estimate(models[m], child, touched, memory, rows, sums, fresh, filled, view.eyes)
             better = 0 if error_of(memory.sums[0], filled) <= error_of(memory.sums[1], filled) else 1

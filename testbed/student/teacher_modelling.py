@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.student import _eea
+from testbed.student import _eea, _mutation
 from testbed.student.parameters import TeacherModellingParameters
 from testbed.vision.camera import StereoRig
 from testbed.vision.primitives import COLUMNS, CUBOID, D1, OMEGA, SHAPE, X, Y, Z
@@ -81,11 +81,11 @@ def random_models(
 
 def draw(
     parts: int, pixels: int, parameters: TeacherModellingParameters, rng: np.random.Generator
-) -> _eea.Draws:
+) -> _mutation.Draws:
     """The random numbers of the passes on one image pair."""
     passes, most = parameters.passes_per_image, parameters.mutations_max
     each = (passes, parameters.estimation_iterations, 2)
-    return _eea.Draws(
+    return _mutation.Draws(
         candidates=rng.random((passes, min(parameters.candidate_pixels, pixels))),
         counts=rng.integers(parameters.mutations_min, most + 1, each),
         variables=rng.integers(0, parts * len(COLUMNS), (*each, most)),
@@ -171,10 +171,10 @@ class Modelling:
         )
 
 
-def _rules(rig: StereoRig, p: TeacherModellingParameters) -> _eea.Rules:
+def _rules(rig: StereoRig, p: TeacherModellingParameters) -> _mutation.Rules:
     shape = 0.0  # a shape is drawn anew, not perturbed
     widths = [shape, p.position_width, p.position_width, p.depth_width, p.roll_width, *[p.size_width] * 3]
-    return _eea.Rules(
+    return _mutation.Rules(
         luminosity=p.part_luminosity,
         widths=np.array(widths),
         depth=p.depth_bounds,
