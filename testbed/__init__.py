@@ -33,10 +33,10 @@ def parallel_env(scenario: Scenario | Path | str = "whom_to_imitate", **options:
     Raises:
         testbed.errors.UserError: If the scenario cannot be used.
     """
-    from testbed.scenario import Scenario, load_scenario
+    from testbed.scenario import as_scenario
     from testbed.world.env import World
 
-    return World(scenario if isinstance(scenario, Scenario) else load_scenario(scenario), **options)
+    return World(as_scenario(scenario), **options)
 
 
 def env(scenario: Scenario | Path | str = "whom_to_imitate", **options: Any) -> AECEnv[str, Any, Any]:

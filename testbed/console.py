@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
@@ -158,9 +159,16 @@ def summary_lines(contents: Mapping[str, Any]) -> list[str]:
     return [_sentence(name, summary) for name, summary in contents["summary"].items()]
 
 
+def _verdict_sheet() -> Table:
+    # Without vertical lines every column fits in 80 characters, and no word is cut.
+    return Table(
+        title="Whom to imitate?", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
+    )
+
+
 def _each(rows: list[Mapping[str, Any]]) -> Table:
     several = len({row["trial"] for row in rows}) > 1
-    table = Table(title="Whom to imitate?", title_justify="left")
+    table = _verdict_sheet()
     for heading in (
         *(("trial",) if several else ()),
         "teacher",
@@ -169,7 +177,7 @@ def _each(rows: list[Mapping[str, Any]]) -> Table:
         "truth",
         "",
         "score",
-        "imitated",
+        "chosen",
     ):
         table.add_column(heading, justify="right" if heading in ("trial", "score") else "left")
     for row in rows:
@@ -181,7 +189,7 @@ def _each(rows: list[Mapping[str, Any]]) -> Table:
 
 
 def _together(rows: list[Mapping[str, Any]]) -> Table:
-    table = Table(title="Whom to imitate?", title_justify="left")
+    table = _verdict_sheet()
     for heading in ("teacher", "robot", "truth", "judged appropriate", "right"):
         table.add_column(heading)
     for key in dict.fromkeys((row["teacher"], row["robot"], row["truth"]) for row in rows):

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ValidationError
 from testbed.document_errors import Place, translate
 from testbed.errors import UserError, did_you_mean, one_line
 
-LARGEST_FILE = 1 << 20  # bytes; a scenario has a few kilobytes
+LARGEST_FILE = 1 << 18  # bytes; a scenario has a few kilobytes
 LARGEST_INTEGER = 10**15  # beyond it a float no longer holds every whole number
 DEEPEST_NESTING = 40
 

@@ -18,11 +18,14 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from testbed.morphology import Morphology, Vector
+from testbed.silence import silence
 from testbed.urdf import to_urdf
+
+with silence():  # importing it prints its build time
+    import pybullet
 
 
 @dataclass(frozen=True, kw_only=True)

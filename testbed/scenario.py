@@ -135,7 +135,8 @@ class _Dumper(yaml.SafeDumper):
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
     try:
-        plain = plain_scalar(text) == text
+        # PyYAML would fold rare line breaks into spaces; escapes in double quotes keep them.
+        plain = plain_scalar(text) == text and text.isprintable()
     except ValueError:
         plain = False
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')

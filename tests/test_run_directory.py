@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -12,19 +11,14 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from trial_builder import scenario_of, trial_result
+from trial_builder import assert_same, scenario_of, trial_result
 
 from testbed.errors import UserError
-from testbed.experiment.atomic import write_text
 from testbed.experiment.jobs import Job, jobs_of
-from testbed.experiment.record import TrialResult
 from testbed.experiment.run_directory import RunDirectory, default_path
-from testbed.experiment.trial_files import DamagedError, decode, encode
 from testbed.scenario import content_hash, resolve
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -39,26 +33,11 @@ def filled(path: Path, trials: int = 3) -> RunDirectory:
     return run
 
 
-def assert_same(one: TrialResult, two: TrialResult) -> None:
-    assert list(one.rows) == list(two.rows)
-    assert list(one.arrays) == list(two.arrays)
-    for name, array in one.arrays.items():
-        np.testing.assert_array_equal(array, two.arrays[name])
-        assert array.dtype == two.arrays[name].dtype
-
-
 def test_a_trial_comes_back_as_it_was(tmp_path: Path) -> None:
     run = RunDirectory.open(filled(tmp_path / "run").path)
     for job in jobs_of(run.scenario):
         assert_same(run.read_trial(job), trial_result(job.trial))
         assert list(run.read_rows(job)) == list(trial_result(job.trial).rows)
-
-
-def test_equal_trials_are_equal_bytes_and_need_no_unpickling() -> None:
-    arrays, table = encode(trial_result(1))
-    assert (arrays, table) == encode(trial_result(1))
-    with pytest.raises(TypeError, match="Python objects"):
-        encode(TrialResult(rows=(), arrays={"bad": np.array([None, {}])}))
 
 
 def test_columns_keep_their_type_where_every_value_is_missing(tmp_path: Path) -> None:
@@ -188,30 +167,6 @@ def test_arrays_that_are_gone_or_of_another_trial_are_noticed(tmp_path: Path) ->
     assert run.finished(jobs_of(run.scenario), lambda _: None) == {Job("default", 2)}
 
 
-ARRAYS, TABLE = encode(trial_result(3, size=20))
-
-
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
-@given(st.sampled_from(["arrays", "table"]), st.integers(0, 10**9), st.integers(1, 255))
-def test_a_changed_byte_is_noticed_or_changes_nothing(which: str, place: int, flip: int) -> None:
-    contents = bytearray(ARRAYS if which == "arrays" else TABLE)
-    contents[place % len(contents)] ^= flip
-    try:
-        got = decode(bytes(contents), TABLE) if which == "arrays" else decode(ARRAYS, bytes(contents))
-    except DamagedError:
-        return
-    assert which == "table"  # some bytes of a table's footer carry nothing
-    assert_same(got, trial_result(3, size=20))
-
-
-def test_rubbish_instead_of_a_trial_is_noticed() -> None:
-    for rubbish in (b"", b"PAR1", b"PAR1" * 10, os.urandom(4000)):
-        with pytest.raises(DamagedError):
-            decode(ARRAYS, rubbish)
-        with pytest.raises(DamagedError):
-            decode(rubbish, TABLE)
-
-
 def test_an_error_is_kept_until_the_trial_finishes(tmp_path: Path) -> None:
     with RunDirectory.prepare(tmp_path, scenario_of(1), dict) as run:
         file = run.write_error(JOB, "Traceback ...")
@@ -222,18 +177,17 @@ def test_an_error_is_kept_until_the_trial_finishes(tmp_path: Path) -> None:
         assert not file.exists()
 
 
-def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path) -> None:
-    file = tmp_path / "page.html"
-    write_text(file, "old")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-    try:
-        with pytest.raises(UserError, match=r"disk is full.*every finished trial is kept"):
-            write_text(file, "new" * 1000)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert file.read_text() == "old"
-    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+def test_a_row_that_was_altered_in_a_sound_table_is_noticed(tmp_path: Path) -> None:
+    run = filled(tmp_path, 1)
+    file = tmp_path / "trials/default/0.parquet"
+    table = pq.read_table(file)
+    column = table.schema.get_field_index("verdict")
+    flipped = pa.array(
+        ["inappropriate" if v.as_py() == "appropriate" else "appropriate" for v in table["verdict"]]
+    )
+    pq.write_table(table.set_column(column, "verdict", flipped), file)  # the metadata goes along
+    with pytest.raises(UserError, match="rows are not those that were written"):
+        run.read_rows(JOB)
 
 
 def test_a_trial_is_never_half_there_after_a_kill(tmp_path: Path) -> None:
@@ -293,7 +247,7 @@ with RunDirectory.prepare(Path(sys.argv[1]), scenario_of(1), dict):
 WRITER = """
 import sys
 from pathlib import Path
-from trial_builder import scenario_of, trial_result
+from trial_builder import assert_same, scenario_of, trial_result
 from testbed.experiment.jobs import jobs_of
 from testbed.experiment.run_directory import RunDirectory
 with RunDirectory.prepare(Path(sys.argv[1]), scenario_of(500), dict) as run:

@@ -17,6 +17,7 @@ Arrays of a trial, by name (T is a teacher such as ``teacher_0``; k parts, P pas
 ``T/pixels``                   (P, 2, 2)       pixel (u, v) learnt by the left and by the right camera
 ``T/model_position_error``     (P,)            m, objective
 ``T/model_roll_error``         (P,)            rad, objective
+``T/model_overlap``            (P,)            objective, see :func:`~testbed.experiment.truth.overlap`
 ``T/truth_parts``              (3, n, 8)       the true parts at each look, rig frame
 ``T/controller_weights``       (I+1, 2, k)     the parent network after each iteration
 ``T/controller_error``         (I+1,)          Eq. 5, rad
@@ -84,12 +85,18 @@ def run_trial(scenario: Scenario, trial: int, progress: Progress = silent) -> Tr
     return report_trial(scenario, trial, backend.robots, student.life, log)
 
 
+def rig_of(scenario: Scenario) -> StereoRig:
+    """The student's eyes."""
+    rig = scenario.rig
+    return StereoRig(field_of_view=math.radians(rig.field_of_view_deg), baseline=rig.baseline)
+
+
 def _student(
     scenario: Scenario, body: Morphology, seeds: np.random.SeedSequence, progress: Progress
 ) -> PaperStudent:
     rig = scenario.rig
     senses = Senses(
-        rig=StereoRig(field_of_view=math.radians(rig.field_of_view_deg), baseline=rig.baseline),
+        rig=rig_of(scenario),
         pan_limit=math.radians(rig.pan_limit_deg),
         pan_speed=math.radians(rig.pan_speed_deg),
         control_step=scenario.world.control_step,
@@ -218,12 +225,10 @@ def _candidate_arrays(
             for step in candidate.look_steps
         ]
     )
-    errors = np.array(
-        [
-            truth.teacher_model_error(parts, true_parts[number * looks // passes])
-            for number, parts in enumerate(after_each_pass)
-        ]
-    )
+    true_then = [true_parts[number * looks // passes] for number in range(passes)]
+    pairs = list(zip(after_each_pass, true_then, strict=True))
+    errors = np.array([truth.teacher_model_error(parts, true) for parts, true in pairs])
+    rig = rig_of(scenario)
     middle = len(imitation.errors) // 2
     return {
         "candidate_bearing": np.array(candidate.bearing),
@@ -234,6 +239,7 @@ def _candidate_arrays(
         "pixels": model.pixels,
         "model_position_error": errors[:, 0],
         "model_roll_error": errors[:, 1],
+        "model_overlap": np.array([truth.overlap(parts, true, rig) for parts, true in pairs]),
         "truth_parts": true_parts,
         "controller_weights": imitation.weights,
         "controller_error": imitation.errors,
@@ -268,6 +274,7 @@ def _candidate_row(candidate: Candidate, arrays: Arrays) -> Row:
     row["objective_initial_error"], row["objective_final_error"] = ends("controller_objective")
     row["model_position_error_initial"], row["model_position_error_final"] = ends("model_position_error")
     row["model_roll_error_initial"], row["model_roll_error_final"] = ends("model_roll_error")
+    row["model_overlap_initial"], row["model_overlap_final"] = ends("model_overlap")
     return row
 
 

@@ -15,8 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from testbed.morphology import CappedCylinder, Cuboid, Morphology, Part, Sphere, Vector
 from testbed.student.rolls import headings, read_rolls, roll_of
+from testbed.vision.camera import StereoRig
+from testbed.vision.kernel import render
 from testbed.vision.primitives import CAPPED_CYLINDER, CUBOID, OMEGA, SPHERE, X, Z
 
+WHITE = 255
 _POSTURES = np.radians(list(itertools.product((-60.0, 0.0, 60.0), repeat=2)))
 
 
@@ -110,6 +113,18 @@ def teacher_model_error(model: Vector, true: Vector) -> tuple[float, float]:
     rows, columns = linear_sum_assignment(gaps)
     turned = read_rolls((model[rows, OMEGA] - true[columns, OMEGA])[None], "half_turn")
     return float(gaps[rows, columns].mean()), float(np.abs(turned).mean())
+
+
+def overlap(model: Vector, true: Vector, rig: StereoRig) -> float:
+    """How much of what either shows is shown by both: intersection over union of silhouettes, both eyes, 0 to 1.
+
+    Args:
+        model: (k, 8) objects.
+        true: (n, 8) parts.
+        rig: The eyes that see them.
+    """
+    believed, real = render(model, rig) < WHITE, render(true, rig) < WHITE
+    return float((believed & real).sum() / max(int((believed | real).sum()), 1))
 
 
 def controller_error(response: Vector, true_rolls: Vector) -> float:

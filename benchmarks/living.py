@@ -1,0 +1,80 @@
+"""How fast does the student live? Its phases and the world against their targets and a peer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+
+from benchmarks.measure import Row, against, row
+from testbed.experiment.trial import run_trial
+from testbed.morphology import load_robot
+from testbed.physics import PhysicsSpec
+from testbed.scenario import load_scenario
+from testbed.student.imagination import Imagination
+from testbed.student.parameters import SelfDiscoveryParameters
+from testbed.student.self_discovery import evolve_self_model, random_commands
+from testbed.student.self_model import BodyPrior
+from testbed.world.bullet import SimulatedBackend
+
+CORES = 2
+PAPER_TRIALS, PAPER_MINUTES = 30, 30
+
+
+def rows() -> list[Row]:
+    """Every measurement of this file, as rows of benchmarks/results.json."""
+    return [stereo_pair(), self_discovery(), one_trial()]
+
+
+def self_discovery() -> Row:
+    """Fifty iterations, each ten commands of a simulated body, in seconds, against 5."""
+    body, parameters = load_robot("crawler"), SelfDiscoveryParameters()
+    prior, seconds = BodyPrior.of(body), []
+    with Imagination(PhysicsSpec(), 1 / 60) as imagination:
+        for seed in range(5):
+            rng = np.random.default_rng(seed)
+            commands = random_commands(prior, parameters, rng)
+            tilt = imagination.settle(body, commands, limit=parameters.settle_time, rest_speed=0.02)
+            begin = time.perf_counter()
+            evolve_self_model(prior, commands, tilt, imagination, parameters, rng, lambda done, total: None)
+            seconds.append(time.perf_counter() - begin)
+    ours = np.array(seconds)
+    return row("self-discovery, 50 iterations", "target seconds", 1.0, np.full_like(ours, 5.0), ours)
+
+
+def one_trial() -> Row:
+    """A whole trial of the scenario `paper` on one core, against its share of 30 minutes on two."""
+    scenario, seconds = load_scenario("paper"), []
+    for trial in range(3):
+        begin = time.perf_counter()
+        run_trial(scenario, 10_000 + trial)
+        seconds.append(time.perf_counter() - begin)
+    ours = np.array(seconds)
+    share = PAPER_MINUTES * 60 * CORES / PAPER_TRIALS
+    return row("one trial of scenarios/paper.yaml", "target seconds", 1.0, np.full_like(ours, share), ours)
+
+
+def stereo_pair() -> Row:
+    """A stereo pair of the world, against the same renderer with Bullet's own ground drawn."""
+    backend = SimulatedBackend(load_scenario("paper"))
+    chequered = SimulatedBackend(load_scenario("paper"))
+    plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=chequered._simulation.client)
+    pybullet.createMultiBody(0, plane, physicsClientId=chequered._simulation.client)
+
+    def look(eyes: SimulatedBackend) -> Callable[[], object]:
+        return eyes._expose_pair
+
+    try:
+        return against(
+            "a stereo pair of the world",
+            "PyBullet, ground drawn",
+            2.0,
+            look(backend),
+            look(chequered),
+            turns=1,
+        )
+    finally:
+        backend.close()
+        chequered.close()
