@@ -61,6 +61,25 @@ _MISSED_BY = math.radians(20)
 """A candidate seen further than this from any teacher is nobody's."""
 
 
+_OF_A_FOUND_TEACHER = (
+    "initial_error",
+    "final_error",
+    "objective_initial_error",
+    "objective_final_error",
+    "model_position_error_initial",
+    "model_position_error_final",
+    "model_roll_error_initial",
+    "model_roll_error_final",
+    "model_overlap_initial",
+    "model_overlap_final",
+    "path_length",
+    "path_forward",
+    "teacher_forward",
+)
+"""Columns that are empty for a teacher that the student did not find; the last three also for those it did not imitate.
+Every row has them, so that all trials have the same columns."""
+
+
 def silent(phase: str, done: int, total: int) -> None:
     """Reports no progress."""
 
@@ -154,6 +173,7 @@ def report_trial(
             "chosen": False,
             "self_error_initial": float(arrays["self/objective"][0]),
             "self_error_final": float(arrays["self/objective"][-1]),
+            **dict.fromkeys(_OF_A_FOUND_TEACHER),
         }
         if name in seen:
             candidate = life.candidates[seen[name]]
@@ -161,7 +181,8 @@ def report_trial(
             arrays.update({f"{name}/{key}": value for key, value in theirs.items()})
             row.update(_candidate_row(candidate, theirs))
             row["chosen"] = life.chosen == seen[name]
-            row.update(_path_row(arrays, name, log) if row["chosen"] else {})
+            if row["chosen"]:
+                row.update(_path_row(arrays, name, log))
         rows.append(row)
     return TrialResult(tuple(rows), arrays)
 
