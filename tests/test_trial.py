@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import testbed.student
+from testbed.errors import UserError
 from testbed.experiment import trial as trials
 from testbed.experiment.record import TrialResult
 from testbed.experiment.trial import live, run_trial
@@ -158,3 +159,25 @@ def test_the_students_room_has_no_window_to_the_world() -> None:
                 for room in ("world", "experiment", "scenario", "hardware", "report", "resources"):
                     assert not module.startswith(f"testbed.{room}"), f"{file.name} imports {module}"
                 assert module != "pybullet", f"{file.name} imports pybullet"
+
+
+def test_who_finds_an_appropriate_teacher_imitates_it_and_its_path_is_recorded(hasty: Scenario) -> None:
+    generous = {"verdict": {"threshold": -10.0}}
+    parameters = hasty.student.parameters.model_validate(hasty.student.parameters.model_dump() | generous)
+    student = hasty.student.model_copy(update={"parameters": parameters})
+    result = run_trial(hasty.model_copy(update={"student": student}), 0)
+    chosen = [row for row in result.rows if row["chosen"]]
+    assert len(chosen) == 1
+    assert chosen[0]["score"] == max(row["score"] for row in result.rows)
+    steps, start = int(result.arrays["perform/steps"]), int(result.arrays["perform/start_step"])
+    assert steps == parameters.imitation.samples
+    assert result.arrays["perform/path"].shape == (steps + 1, 3)
+    assert np.array_equal(result.arrays["perform/path"][0], result.arrays["truth/student/base"][start - 1, :3])
+    assert np.ptp(result.arrays["truth/student/joints"][start : start + steps], axis=0).max() > 0.05
+    assert chosen[0]["path_length"] > 0
+
+
+def test_a_life_that_does_not_fit_the_episode_is_a_users_mistake(hasty: Scenario) -> None:
+    short = hasty.model_copy(update={"world": hasty.world.model_copy(update={"max_cycles": 50})})
+    with pytest.raises(UserError, match="max_cycles = 50"):
+        run_trial(short, 0)

@@ -41,6 +41,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from testbed.experiment import truth
 from testbed.experiment.record import Row, TrialResult
@@ -140,8 +141,10 @@ def live(world: World, backend: SimulatedBackend, student: PaperStudent, seed: i
         for name, states_of in states.items():
             states_of.append(backend.state(name))
     if not student.done:
-        raise RuntimeError(
-            f"the student was not done after world.max_cycles = {world.scenario.world.max_cycles} steps"
+        raise world.scenario.source.error(
+            ("world", "max_cycles"),
+            f"the student was not done after world.max_cycles = {world.scenario.world.max_cycles} steps",
+            "give it more; a life takes some 150 steps a command, 100 a teacher and 240 to imitate",
         )
     log: Arrays = {"time/control_step": np.array(control_step)}
     for name, states_of in states.items():
@@ -302,10 +305,12 @@ def _candidate_row(candidate: Candidate, arrays: Arrays) -> Row:
 def _path_row(arrays: Arrays, name: str, log: Arrays) -> Row:
     """How far the imitating student came, and its teacher between the first and the last look."""
     path = arrays["perform/path"][:, :2]
+    start = log[f"truth/{STUDENT}/base"][int(arrays["perform/start_step"]) - 1]
+    ahead = Rotation.from_quat(start[3:]).apply([1.0, 0.0, 0.0])[:2]
     looks = arrays[f"{name}/look_steps"]
     teacher = log[f"truth/{name}/base"][[looks[0] - 1, looks[-1] - 1], :2]
     return {
         "path_length": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
-        "path_forward": float(path[-1, 0] - path[0, 0]),
+        "path_forward": float((path[-1] - path[0]) @ ahead / np.linalg.norm(ahead)),
         "teacher_forward": float(np.linalg.norm(teacher[1] - teacher[0])),
     }
