@@ -28,7 +28,7 @@ Arrays of a trial, by name (T is a teacher such as ``teacher_0``; k parts, P pas
 ``perform/start_step``         ()              action count when the student began to imitate
 ``perform/steps``              ()              for how many actions it imitated; 0 if nobody was like it
 ``perform/path``               (steps+1, 3)    m, the student's main body
-``truth/A/base``, ``joints``   (t, 7), (t, n)  every agent's state after each step: m, quaternion xyzw; rad
+``truth/A/base``, ``joints``   (t, 7), (t, n)  every agent's state at the start and after each step: m, quaternion; rad
 ``time/control_step``          ()              s
 =============================  ==============  ==================================================================
 """
@@ -126,14 +126,15 @@ def _student(
 
 
 def live(world: World, backend: SimulatedBackend, student: PaperStudent, seed: int) -> Arrays:
-    """Everybody acts until the student is done; returns the truth about everybody after each step."""
+    """Everybody acts until the student is done; returns the truth about everybody at the start and after each step."""
     control_step = world.scenario.world.control_step
     policies = {
         name: scripted_policy(teacher.gait, backend.robots[name], control_step)
         for name, teacher in zip(teacher_names(world.scenario), world.scenario.teachers, strict=True)
     }
-    states: dict[str, list[tuple[Vector, Vector]]] = {name: [] for name in backend.robots}
     observations, _ = world.reset(seed=seed)
+    # What the student senses at its n-th action is the state with index n - 1.
+    states: dict[str, list[tuple[Vector, Vector]]] = {name: [backend.state(name)] for name in backend.robots}
     while world.agents and not student.done:
         actions: Arrays = {name: policy.act(observations[name]) for name, policy in policies.items()}
         actions[STUDENT] = student.act(observations[STUDENT])
@@ -239,7 +240,6 @@ def _candidate_arrays(
     model, imitation = candidate.model, candidate.imitation
     passes, looks = len(model.error), len(candidate.look_steps)
     after_each_pass = model.history[len(model.history) // passes - 1 :: len(model.history) // passes]
-    # What was true at an image pair is what the world was like after the step before it.
     base, joints = log[f"truth/{name}/base"], log[f"truth/{name}/joints"]
     true_parts = np.array(
         [
