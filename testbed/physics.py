@@ -84,19 +84,6 @@ class Simulation:
             ground, -1, lateralFriction=self.spec.ground_friction, physicsClientId=self.client
         )
 
-    def draw_grid(self, *, spacing: float, reach: float) -> None:
-        """Draw lines on the ground for people, ``spacing`` metres apart, out to ``reach``; they touch nobody."""
-        half_width, grey = 0.001, (0.82, 0.82, 0.82, 1.0)
-        places = np.arange(-round(reach / spacing), round(reach / spacing) + 1) * spacing
-        for along_x in (True, False):
-            half = (reach, half_width, half_width) if along_x else (half_width, reach, half_width)
-            line = pybullet.createVisualShape(
-                pybullet.GEOM_BOX, halfExtents=half, rgbaColor=grey, physicsClientId=self.client
-            )
-            for place in places.tolist():
-                position = (0.0, place, 0.0) if along_x else (place, 0.0, 0.0)
-                pybullet.createMultiBody(0, -1, line, position, physicsClientId=self.client)
-
     def __enter__(self) -> Self:
         return self
 

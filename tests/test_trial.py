@@ -172,7 +172,9 @@ def test_who_finds_an_appropriate_teacher_imitates_it_and_its_path_is_recorded(h
     steps, start = int(result.arrays["perform/steps"]), int(result.arrays["perform/start_step"])
     assert steps == parameters.imitation.samples
     assert result.arrays["perform/path"].shape == (steps + 1, 3)
-    assert np.array_equal(result.arrays["perform/path"][0], result.arrays["truth/student/base"][start - 1, :3])
+    assert np.array_equal(
+        result.arrays["perform/path"][0], result.arrays["truth/student/base"][start - 1, :3]
+    )
     assert np.ptp(result.arrays["truth/student/joints"][start : start + steps], axis=0).max() > 0.05
     assert chosen[0]["path_length"] > 0
 

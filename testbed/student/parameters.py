@@ -197,7 +197,12 @@ class ImitationParameters(_Frozen):
 
 
 class VerdictParameters(_Frozen):
-    """Section 3.4 and Fig. 8: from controller errors to a verdict."""
+    """Section 3.4 and Fig. 8: from controller errors to a verdict.
+
+    Measured on development trials, 40 with 150 iterations of imitation: no reading of rolls and neither score tells the
+    two teachers apart better than chance (AUC .35 to .51 for six combinations, standard error .065), so the wording
+    of the paper decides.
+    """
 
     score: Literal["relative_reduction", "final_error"] = Field(
         "relative_reduction",
@@ -205,9 +210,10 @@ class VerdictParameters(_Frozen):
         "network': 1 - e_end / e_start (relative_reduction); or minus the final rms error in rad (final_error).",
     )
     threshold: float = Field(
-        0.35,
+        0.22,
         allow_inf_nan=False,
-        description="A score of at least this is appropriate; set on development seeds.",
+        description="A score of at least this is appropriate: the median of 16 development trials (32 teachers, "
+        "seed 1), for want of a value that separates.",
     )
 
 

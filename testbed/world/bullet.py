@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from testbed.physics import PhysicsSpec, Simulation
 from testbed.scenario import RigSpec, Scenario
 from testbed.world.backend import Pair
 from testbed.world.optics import expose, projection_matrix, view_matrix
-from testbed.world.placement import STUDENT, Placement, placements, teacher_names
+from testbed.world.placement import STUDENT, placements, teacher_names
 
 IMAGE = (75, 100)
 """Rows and columns of the student's images (Section 3.3.3)."""
@@ -143,46 +142,6 @@ def eyes(rig: RigSpec, pan: float) -> Vector:
     right = np.array([math.cos(pan), -math.sin(pan), 0.0])
     post = np.array([0.0, 0.0, rig.height])
     return np.stack([post - right * rig.baseline / 2, post + right * rig.baseline / 2])
-
-
-class Stage:
-    """Bodies that are posed, not moved: to draw again what was recorded. A context manager.
-
-    Args:
-        bodies: Morphologies by name.
-        placements: Where each stands at first; all at the origin by default.
-    """
-
-    def __init__(
-        self, bodies: Mapping[str, Morphology], *, placements: Mapping[str, Placement] | None = None
-    ) -> None:
-        self._simulation = Simulation()
-        self._simulation.draw_grid(spacing=0.1, reach=1.5)
-        for name, body in bodies.items():
-            spot = (placements or {}).get(name, Placement((0.0, 0.0), 0.0, 0.0))
-            self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def pose(self, name: str, base: NDArray[np.floating], joints: NDArray[np.floating]) -> None:
-        """Pose a body: base (7,) position (m) and quaternion xyzw of its root, joint angles in rad."""
-        self._simulation.pose(name, base, joints)
-
-    def picture(
-        self, eye: Vector, target: Vector, width: int, height: int, fov_deg: float = 45.0
-    ) -> NDArray[np.uint8]:
-        """(height, width, 3) a picture on white taken from ``eye`` (m) towards ``target`` (m)."""
-        return _photograph(
-            self._simulation, np.asarray(eye), np.asarray(target), width, height, math.radians(fov_deg)
-        )
-
-    def close(self) -> None:
-        """Free the stage; harmless when repeated."""
-        self._simulation.close()
 
 
 def _photograph(

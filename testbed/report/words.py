@@ -1,0 +1,92 @@
+"""The page's sentences about the verdicts, made from the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from testbed.experiment.statistics import wilson
+from testbed.report.reading import Row
+
+_NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
+
+
+def headline(rows: Sequence[Row]) -> str:
+    """What came out, in one sentence."""
+    trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
+    if len(trials) == 1:
+        return _one_trial(rows)
+    right, n = sum(row["truth"] == row["verdict"] for row in rows), len(rows)
+    low, high = wilson(right, n)
+    known = (
+        "better than a coin" if low > 0.5 else "worse than a coin" if high < 0.5 else "no better than a coin"
+    )
+    return f"In {len(trials)} trials the student was right about {right} of {n} teachers: {known}."
+
+
+def explanation(rows: Sequence[Row]) -> str:
+    """What stands behind the headline."""
+    lost = [row for row in rows if not row["found"]]
+    trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
+    if len(trials) == 1:
+        parts = [_about(row) for row in rows]
+    else:
+        imitated = [row for row in rows if row["chosen"]]
+        good = sum(row["truth"] == "appropriate" for row in imitated)
+        parts = [
+            f"It imitated a teacher in {len(imitated)} of {len(trials)} trials, an appropriate one in {good}."
+        ]
+        if lost:
+            parts.append(f"It did not find {len(lost)} of {len(rows)} teachers.")
+    return " ".join(parts)
+
+
+def summary_facts(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """(name, value, interval) of a student's statistics that are there."""
+    facts = []
+    n = summary.get("n")
+    if (accuracy := summary.get("accuracy")) is not None:
+        facts.append(("right verdicts", f"{accuracy:.0%}", _between(summary, "accuracy", percent=True, n=n)))
+    if (area := summary.get("auc")) is not None:
+        facts.append(
+            (
+                "AUC of the score",
+                f"{area:.2f}",
+                _between(summary, "auc", percent=False, n=summary.get("trials")),
+            )
+        )
+    return facts
+
+
+def _between(summary: Mapping[str, Any], name: str, *, percent: bool, n: int | None) -> str:
+    low, high = summary.get(f"{name}_low"), summary.get(f"{name}_high")
+    count = "" if n is None else f"N = {n}"
+    if low is None or high is None:
+        return f"{count}, too few for an interval" if count else "too few for an interval"
+    span = f"{low:.0%} to {high:.0%}" if percent else f"{low:.2f} to {high:.2f}"
+    return ", ".join(part for part in (f"95% interval {span}", count) if part)
+
+
+def _one_trial(rows: Sequence[Row]) -> str:
+    chosen = next((row for row in rows if row["chosen"]), None)
+    if chosen is not None:
+        fit = "rightly" if chosen["truth"] == "appropriate" else "wrongly"
+        return f"The student imitated {chosen['teacher']} ({chosen['robot']}), {fit}: an {chosen['truth']} teacher."
+    among = "neither teacher" if len(rows) == 2 else f"none of the {_count(len(rows))} teachers"
+    answer = "did not imitate the only teacher" if len(rows) == 1 else f"imitated {among}"
+    missed = sum(row["truth"] == "appropriate" for row in rows)
+    if not missed:
+        return f"The student {answer}, rightly: none was appropriate."
+    return f"The student {answer}, wrongly: {_count(missed)} {'was' if missed == 1 else 'were'} appropriate."
+
+
+def _about(row: Row) -> str:
+    name = f"{row['teacher']} ({row['robot']})"
+    if not row["found"]:
+        return f"It did not find {name}, which is {row['truth']}."
+    fit = "rightly" if row["truth"] == row["verdict"] else "wrongly"
+    return f"It took {name} for an {row['verdict']} teacher, {fit}."
+
+
+def _count(number: int) -> str:
+    return _NUMBERS[number] if number < len(_NUMBERS) else str(number)

@@ -1,0 +1,236 @@
+"""The page of a run: whole, true to its run directory, the same every time."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+from synthetic_run import CONTROL_STEP, LOOKS, PERFORM_START, PERFORM_STEPS, Story, write_synthetic_run
+
+from testbed.errors import UserError
+from testbed.report.claims import claims
+from testbed.report.page import write_report
+from testbed.report.reading import read_run
+from testbed.report.video import RATE, panes
+
+VOID = {"meta", "link", "img", "br", "hr", "input", "source"}
+
+
+class Page(HTMLParser):
+    """What a reader of the page gets at: tags in balance, sources, ids, rows of the verdict table."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.ids: list[str] = []
+        self.numbers: list[list[str]] = []
+        self.cells: list[list[str]] = []
+        self.tags: list[str] = []
+        self.seen: set[str] = set()
+        self._in_verdicts = False
+        self.feed(text)
+        assert not self.tags, f"not closed: {self.tags}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._start(tag, attrs)
+        if tag not in VOID:
+            self.tags.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._start(tag, attrs)
+
+    def _start(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.add(tag)
+        values = dict(attrs)
+        self.ids += [values["id"] or ""] if "id" in values else []
+        self.sources += [
+            values[key] or "" for key in ("src", "href", "xlink:href", "poster") if key in values
+        ]
+        if tag == "table":
+            self._in_verdicts = values.get("class") == "verdicts"
+        elif tag == "tr" and self._in_verdicts:
+            self.numbers.append([])
+            self.cells.append([])
+        elif tag == "td" and self._in_verdicts:
+            self.cells[-1].append("")
+        elif tag == "data" and self._in_verdicts:
+            self.numbers[-1].append(values["value"] or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._in_verdicts = self._in_verdicts and tag != "table"
+        assert self.tags.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self._in_verdicts and self.tags and self.cells and self.cells[-1] and "td" in self.tags:
+            self.cells[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of one trial in which the student imitates the crawler, and its report."""
+    folder = write_synthetic_run(tmp_path_factory.mktemp("one"), passes=60)
+    write_report(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of seven trials, and its report."""
+    story = Story(trials=7, right=0.8, falling=(("appropriate", False), ("inappropriate", True)))
+    folder = write_synthetic_run(tmp_path_factory.mktemp("many"), story, passes=60)
+    write_report(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def nobody(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run in which one teacher was not found and nobody imitated, and its report."""
+    story = Story(chosen=None, found=(False, True))
+    folder = write_synthetic_run(tmp_path_factory.mktemp("nobody"), story, passes=60)
+    write_report(folder)
+    return folder
+
+
+def text_of(folder: Path) -> str:
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["one", "many", "nobody"])
+def test_the_page_needs_nothing_from_elsewhere(name: str, request: pytest.FixtureRequest) -> None:
+    text = text_of(request.getfixturevalue(name))
+    page = Page(text)
+    assert page.sources
+    assert all(source.startswith(("data:", "#")) for source in page.sources)
+    assert not re.search(r"url\((?!#)", text)
+    assert not page.seen & {"script", "link", "iframe", "object"}
+    assert len(page.ids) == len(set(page.ids))
+
+
+@pytest.mark.parametrize("name", ["one", "many", "nobody"])
+def test_numbers_in_the_table_are_those_of_the_verdicts_file(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    folder = request.getfixturevalue(name)
+    rows = json.loads((folder / "verdicts.json").read_text())["verdicts"]
+    page = Page(text_of(folder))
+    header, *numbers = page.numbers
+    assert header == []
+    keys = ("score", "initial_error", "final_error")
+    assert [[float(value) for value in line] for line in numbers] == [
+        [row[key] for key in keys if row[key] is not None] for row in rows
+    ]
+    for row, cells in zip(rows, page.cells[1:], strict=True):
+        joined = " ".join(cells)
+        assert row["teacher"] in joined
+        assert row["robot"] in joined
+        assert ("✓" in joined) == (row["truth"] == row["verdict"])
+        assert ("imitated" in joined) == row["chosen"]
+        assert ("not found" in joined) == (not row["found"])
+
+
+def test_sentences_flip_when_the_data_flip(one: Path, many: Path, tmp_path: Path) -> None:
+    def outcome(text: str, claim: str) -> str:
+        found = re.search(rf"{claim}.*?class=\"outcome \w+\">([^<]+)<", text, re.DOTALL)
+        assert found is not None
+        return found.group(1)
+
+    falls = "controllers for an appropriate teacher falls"
+    flat = "controllers for an inappropriate teacher stays"
+    models = "The error of self-models falls"
+    text = text_of(many)
+    assert (outcome(text, falls), outcome(text, flat)) == ("not reproduced", "not reproduced")
+    assert outcome(text, models) == "reproduced"
+    story = Story(trials=7, models_fall=False)
+    run = read_run(write_synthetic_run(tmp_path / "other", story, passes=30))
+    other = {claim.claim: claim.outcome for claim in claims(run.rows)}
+    for claim, expected in ((falls, "reproduced"), (flat, "reproduced"), (models, "not reproduced")):
+        assert [found for name, found in other.items() if claim in name] == [expected]
+    assert outcome(text_of(one), falls) == "cannot tell"
+
+
+def test_the_headline_stands_on_the_page(one: Path, nobody: Path) -> None:
+    assert "<h1>The student imitated teacher_0 (crawler), rightly" in text_of(one)
+    text = text_of(nobody)
+    assert "<h1>The student imitated neither teacher" in text
+    assert "did not find this teacher" in text
+    assert "4. Doing it" not in text
+    assert "4. Doing it" in text_of(one)
+
+
+def test_the_same_run_gives_the_same_page(nobody: Path) -> None:
+    before = (nobody / "report.html").read_bytes()
+    figures = {path.name: path.read_bytes() for path in (nobody / "figures").iterdir()}
+    write_report(nobody)
+    assert (nobody / "report.html").read_bytes() == before
+    assert {path.name: path.read_bytes() for path in (nobody / "figures").iterdir()} == figures
+
+
+def test_the_papers_figures_are_kept_as_files(many: Path) -> None:
+    names = {path.stem for path in (many / "figures").glob("*.svg")}
+    assert {"figure_6", "figure_7a", "figure_7b", "figure_8", "scores"} <= names
+    for path in (many / "figures").iterdir():
+        ElementTree.parse(path)
+        assert "var(--" not in path.read_text()  # a file must be readable without the page's style
+    assert "mean ± SEM of 7 trials" in (many / "figures" / "figure_6.svg").read_text()
+
+
+def frames_of(path: Path) -> list[np.ndarray]:
+    film = cv2.VideoCapture(str(path))
+    assert film.get(cv2.CAP_PROP_FPS) == RATE
+    frames = []
+    while True:
+        there, frame = film.read()
+        if not there:
+            return frames
+        frames.append(frame)
+
+
+def test_the_video_shows_teacher_and_student_for_as_long_as_the_student_imitated(one: Path) -> None:
+    trial = read_run(one).trials[0]
+    left, right = panes(trial)
+    assert (left.agent, left.first, left.count) == ("teacher_0", LOOKS[0] - 1, LOOKS[-1] - LOOKS[0] + 1)
+    assert (right.agent, right.first, right.count) == ("student", PERFORM_START - 1, PERFORM_STEPS)
+    frames = frames_of(one / "video" / "default-0.mp4")
+    assert len(frames) == round(PERFORM_STEPS * CONTROL_STEP * RATE)
+    middle = frames[0].shape[1] // 2
+    for half in (slice(0, middle), slice(middle, None)):
+        moved = np.abs(frames[0][:, half].astype(int) - frames[20][:, half].astype(int)).max()
+        assert moved > 60
+    # Its demonstration over, the teacher stands still while the student goes on.
+    assert np.abs(frames[-1][:, :middle].astype(int) - frames[-20][:, :middle].astype(int)).max() < 40
+
+
+def test_without_imitation_the_video_shows_who_was_watched(nobody: Path) -> None:
+    shown = panes(read_run(nobody).trials[0])
+    assert [pane.agent for pane in shown] == ["teacher_1"]
+    frames = frames_of(nobody / "video" / "default-0.mp4")
+    assert len(frames) == -(-shown[0].count // 2)
+
+
+def test_text_from_files_is_escaped(tmp_path: Path) -> None:
+    folder = write_synthetic_run(tmp_path / "run", Story(robots=("crawler",), chosen=None), passes=30)
+    file = folder / "scenario.resolved.yaml"
+    file.write_text(file.read_text().replace("Invented numbers.", "<script>alert('&')</script>"))
+    text = write_report(folder).read_text()
+    assert "<script>" not in text
+    assert "&lt;script&gt;" in text
+
+
+def test_a_folder_that_is_no_run_is_a_users_mistake(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot be read"):
+        write_report(tmp_path)
+
+
+def test_a_damaged_trial_is_told_with_a_mend(tmp_path: Path) -> None:
+    folder = write_synthetic_run(tmp_path / "run", passes=30)
+    file = folder / "trials" / "default" / "0.npz"
+    file.write_bytes(file.read_bytes()[:2000])
+    with pytest.raises(UserError, match="run the scenario again"):
+        write_report(folder)
+    assert not (folder / "report.html").exists()
