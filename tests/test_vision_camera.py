@@ -60,6 +60,7 @@ def test_meshes_have_the_size_place_and_roll_of_their_primitives() -> None:
     cuboid = to_trimesh(np.array([CUBOID, *place, 0.3, 0.2, 0.1]))
     sphere = to_trimesh(np.array([SPHERE, *place, 0.3, 0.2, 0.1]))
     capsule = to_trimesh(np.array([CAPPED_CYLINDER, *place, 0.05, 0.2, 0.1]))
+    assert to_trimesh(np.array([CAPPED_CYLINDER, *place, 0.005, 0.2, 0.1])).is_watertight
     for mesh in (cuboid, sphere, capsule):
         assert mesh.is_watertight
         assert mesh.center_mass == pytest.approx(place[:3], abs=1e-6)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE, StereoRig, luminosity, render, to_trimesh
+from testbed.vision.primitives import D1, SHAPE
 
 RIG = StereoRig()
 Image = NDArray[np.bool_]
@@ -59,8 +60,13 @@ def test_agrees_with_rays_cast_at_meshes(parts: NDArray[np.float64]) -> None:
     expected, seen = mesh_images(parts), render(parts, RIG) < 255
     certain = inner(expected)
     assert np.array_equal(seen[certain], expected[certain])
-    # Facets shave round shapes by less than a thousandth of the radius: few edge pixels may differ.
-    assert np.count_nonzero(seen != expected) <= 0.02 * np.count_nonzero(~certain) + 3
+    # Facets shave round shapes by less than a thousandth of the radius: the shape lies between the mesh and one with
+    # radii a little larger. Two pixels are left to rays through an edge itself.
+    round_shapes = parts[:, SHAPE] != CUBOID
+    larger = parts.copy()
+    larger[round_shapes, D1] *= 1.002
+    assert np.count_nonzero(expected & ~seen) <= 2
+    assert np.count_nonzero(seen & ~mesh_images(larger)) <= 2
 
 
 @settings(max_examples=40, deadline=None)

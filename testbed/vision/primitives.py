@@ -58,7 +58,9 @@ def to_trimesh(primitive: NDArray[np.float64], detail: int = 4) -> trimesh.Trime
         mesh = trimesh.creation.icosphere(subdivisions=detail, radius=row[D1])
     else:
         facets = 8 * 2**detail
-        mesh = trimesh.creation.capsule(height=row[D2], radius=row[D1], count=[facets, facets])
+        # Made with radius one: trimesh drops the facets of a small cap as degenerate and leaves a hole.
+        mesh = trimesh.creation.capsule(height=row[D2] / row[D1], radius=1.0, count=[facets, facets])
         pose[:3, :3] = pose[:3, :3] @ [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]  # made along its z
+        pose[:3, :3] *= row[D1]
     mesh.apply_transform(pose)
     return mesh
