@@ -11,10 +11,9 @@ import pybullet
 from benchmarks.measure import Row, against, row
 from testbed.experiment.trial import run_trial
 from testbed.morphology import load_robot
-from testbed.physics import PhysicsSpec
 from testbed.scenario import load_scenario
 from testbed.student.imagination import Imagination
-from testbed.student.parameters import SelfDiscoveryParameters
+from testbed.student.parameters import ImaginationParameters, SelfDiscoveryParameters
 from testbed.student.self_discovery import evolve_self_model, random_commands
 from testbed.student.self_model import BodyPrior
 from testbed.world.bullet import SimulatedBackend
@@ -32,7 +31,7 @@ def self_discovery() -> Row:
     """Fifty iterations, each ten commands of a simulated body, in seconds, against 5."""
     body, parameters = load_robot("crawler"), SelfDiscoveryParameters()
     prior, seconds = BodyPrior.of(body), []
-    with Imagination(PhysicsSpec(), 1 / 60) as imagination:
+    with Imagination(ImaginationParameters(), 1 / 60) as imagination:
         for seed in range(5):
             rng = np.random.default_rng(seed)
             commands = random_commands(prior, parameters, rng)

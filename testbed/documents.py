@@ -123,7 +123,8 @@ def _text(path: Path) -> str:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise UserError(f"cannot read the file ({reason})", "check its name and rights", file=path) from None
     if len(raw) > LARGEST_FILE:
-        raise UserError("the file is larger than 1 MiB", "is it a scenario or robot at all?", file=path)
+        what = f"the file is larger than {LARGEST_FILE >> 10} KiB"
+        raise UserError(what, "is it a scenario or robot at all?", file=path)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from testbed.documents import read_document, validate
+from testbed.errors import UserError
 from testbed.resources import robot_path
 
 Vector = NDArray[np.float64]
@@ -308,6 +309,8 @@ def load_robot(name: str | Path) -> Morphology:
         UserError: If there is no such robot, or its description is wrong.
     """
     path = Path(name) if Path(name).suffix else robot_path(str(name))
+    if path.suffix.lower() == ".urdf":
+        raise UserError("URDF files are not read yet", "describe the robot in YAML", file=path)
     return validate(Morphology, read_document(path))
 
 

@@ -28,6 +28,9 @@ with silence():  # importing it prints its build time
     import pybullet
 
 
+_OUT_OF_REACH = 100.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class PhysicsSpec:
     """How finely the physics is computed.
@@ -141,11 +144,20 @@ class Simulation:
         """Take a body out of the world."""
         pybullet.removeBody(self._bodies.pop(name).number, physicsClientId=self.client)
 
-    def reset(self, name: str) -> None:
-        """Back to where the body was put: flat, at rest."""
-        body = self._bodies[name]
-        self.pose(name, np.array([*body.start[0], *body.start[1]]), np.zeros(len(body.motors)))
-        self.command(name, np.zeros(len(body.motors)))
+    def reset(self, *names: str) -> None:
+        """Back to where the bodies were put: flat, at rest, and without memory of what they touched."""
+        # Bullet keeps contact points with their impulses and starts the next step from them. Where a body returns
+        # to nearly the same spot the old ones still fit; lifted out of reach of everything they are dropped.
+        for name in names:
+            body = self._bodies[name]
+            (x, y, z), orientation = body.start
+            self.pose(name, np.array([x, y, z + _OUT_OF_REACH, *orientation]), np.zeros(len(body.motors)))
+        pybullet.performCollisionDetection(physicsClientId=self.client)
+        for name in names:
+            body = self._bodies[name]
+            rest = np.zeros(len(body.motors))
+            self.pose(name, np.array([*body.start[0], *body.start[1]]), rest)
+            self.command(name, rest)
 
     def pose(self, name: str, base: NDArray[np.floating], joints: NDArray[np.floating]) -> None:
         """Set a body's state, at rest.

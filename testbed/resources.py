@@ -7,7 +7,7 @@ from pathlib import Path
 from testbed.errors import UserError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parent
-ROBOT_SUFFIXES = (".yaml", ".urdf")
+ROBOT_SUFFIXES = (".yaml",)
 SCENARIO_SUFFIXES = (".yaml",)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ __all__ = [
     "parse_scenario",
     "resolve",
     "with_overrides",
+    "with_robot_files",
 ]
 
 _HASH_LENGTH = 8
@@ -102,16 +104,18 @@ def _scenario(document: Document, path: Path) -> Scenario:
 
 def _with_robots_beside(scenario: Scenario, folder: Path) -> Scenario:
     """Paths of robots made absolute, so that they mean the same wherever the scenario goes."""
-    student = scenario.student.model_copy(update={"robot": _absolute(scenario.student.robot, folder)})
-    teachers = tuple(
-        teacher.model_copy(update={"robot": _absolute(teacher.robot, folder)})
-        for teacher in scenario.teachers
-    )
+    return with_robot_files(scenario, lambda robot: str((folder / robot).absolute()))
+
+
+def with_robot_files(scenario: Scenario, moved: Callable[[str], str]) -> Scenario:
+    """The scenario with every path of a robot replaced by ``moved(path)``; names of shipped robots stay."""
+
+    def of(robot: str) -> str:
+        return moved(robot) if is_path(robot) else robot
+
+    student = scenario.student.model_copy(update={"robot": of(scenario.student.robot)})
+    teachers = tuple(teacher.model_copy(update={"robot": of(teacher.robot)}) for teacher in scenario.teachers)
     return scenario.model_copy(update={"student": student, "teachers": teachers})
-
-
-def _absolute(robot: str, folder: Path) -> str:
-    return str((folder / robot).absolute()) if is_path(robot) else robot
 
 
 def is_path(robot: str) -> bool:
@@ -163,12 +167,7 @@ def _robot_content(robot: str) -> object:
     if not is_path(robot) and robot not in robot_names():
         return robot  # no such robot: check() says so
     path = Path(robot) if is_path(robot) else robot_path(robot)
-    if path.suffix != ".urdf":
-        return read_document(path).data
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except (OSError, ValueError):
-        raise UserError("cannot read the robot's file", "check its name and rights", file=path) from None
+    return read_document(path).data
 
 
 def with_overrides(

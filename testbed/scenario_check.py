@@ -5,29 +5,37 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from testbed.document_errors import Place
 from testbed.documents import Source
 from testbed.errors import UserError, did_you_mean
 from testbed.scenario_specs import RigSpec, Scenario
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology
+    from testbed.morphology import Morphology, Part, Vector
     from testbed.world.placement import Placement
 
 Ends = list[tuple[float, float]]
 IMAGE_ASPECT = 75 / 100  # height over width, in pixels
 _ROUNDING_DEG = 1e-6
 _CLOSENESS = 1e-9  # metres
+_SAME_PLACE = 1e-3  # metres
+_POSE = (0.3, -0.4)  # rad; some pose in which no two different bodies look alike
 
 
 def check(scenario: Scenario) -> None:
-    """Look for what cannot work: unknown robots, impossible gaits, bodies out of view, views that are shared.
+    """Look for what cannot work.
+
+    Unknown robots, a student that no genome describes, impossible gaits, teachers out of view or two in one view, a
+    student in its own view.
 
     Raises:
         UserError: For the first such mistake, with the line in the scenario's file and how to mend it.
     """
     source = scenario.source
-    _body(scenario.student.robot, ("student", "robot"), source)
+    student = _body(scenario.student.robot, ("student", "robot"), source)
+    _check_genome(student, source)
     bodies = [
         _body(teacher.robot, ("teachers", index, "robot"), source)
         for index, teacher in enumerate(scenario.teachers)
@@ -41,6 +49,7 @@ def check(scenario: Scenario) -> None:
         _check_gait(index, body, scenario)
         _check_view(index, body, ends[index], scenario)
     _check_views_apart(ends, scenario)
+    _check_student_apart(student, scenario)
 
 
 def _body(robot: str, place: Place, source: Source) -> Morphology:
@@ -52,6 +61,29 @@ def _body(robot: str, place: Place, source: Source) -> Morphology:
         if error.file is not None and error.line is not None:
             raise  # the mistake is inside the robot's own file
         raise source.error(place, error.what, error.mend) from None
+
+
+def _check_genome(body: Morphology, source: Source) -> None:
+    """The paper's genome must be able to describe the student's body, or it could never discover itself."""
+    from testbed.student.self_model import BodyPrior, self_model, true_genome
+
+    place: Place = ("student", "robot")
+    try:
+        prior = BodyPrior.of(body)
+    except UserError as error:
+        raise source.error(place, error.what, error.mend) from None
+    model = self_model(prior, true_genome(body))
+    true, described = (_limbs_in(_POSE, one) for one in (body, model))
+    if np.abs(true - described).max() > _SAME_PLACE:
+        what = f"the student's genome cannot describe how the limbs of robot '{body.name}' are joined"
+        mend = "list the joints from the main body outward, hinges at the far end of their parent and at height 0"
+        raise source.error(place, what, mend)
+
+
+def _limbs_in(angles: tuple[float, float], body: Morphology) -> Vector:
+    """Where the limbs' centres are, (joints, 3) m, in the order of the joints."""
+    poses = body.poses(angles)
+    return np.array([poses[joint.child][:3, 3] for joint in body.joints.values()])
 
 
 def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
@@ -106,6 +138,55 @@ def _check_views_apart(ends: list[Ends], scenario: Scenario) -> None:
                 what = f"teachers {earlier} and {later}, {apart:g} degrees apart, share a view"
                 mend = f"put their bearings at least {math.ceil(needed)} degrees apart"
                 raise scenario.source.error(("teachers", later, "bearing_deg"), what, mend)
+
+
+def _check_student_apart(student: Morphology, scenario: Scenario) -> None:
+    """Wherever the rig looks, the student must not take its own body, however it turns, for a teacher.
+
+    Teachers are in view, so that a student out of view touches none of them.
+    """
+    rig, centre = scenario.rig, np.array(scenario.student.position)
+    radius = _radius(student)
+    who = f"the student's own body, which takes up {radius:.2g} m around ({centre[0]:g}, {centre[1]:g}),"
+    source = scenario.source
+    position: Place = ("student", "position")
+    if math.hypot(*centre) <= radius + rig.baseline / 2:
+        raise source.error(position, f"{who} touches the rig's post", "move student.position behind the rig")
+    if _in_view(centre, radius, rig):
+        limit: Place = ("rig", "pan_limit_deg")
+        place = limit if limit in source.lines and position not in source.lines else position
+        mend = "move student.position behind the rig or lower rig.pan_limit_deg"
+        raise source.error(place, f"{who} comes into the rig's view", mend)
+
+
+def _in_view(centre: Vector, radius: float, rig: RigSpec) -> bool:
+    """Whether a disc on the ground is seen, in width, by either camera at some pan."""
+    limit, half = math.radians(rig.pan_limit_deg), math.radians(rig.field_of_view_deg) / 2
+    if abs(math.atan2(*centre)) <= limit:
+        return True
+    for pan in (-limit, limit):  # no pan between these looks nearer to the disc
+        sine, cosine = math.sin(pan), math.cos(pan)
+        x, depth = centre[0] * cosine - centre[1] * sine, centre[0] * sine + centre[1] * cosine
+        for eye in (-rig.baseline / 2, rig.baseline / 2):
+            away, aside = math.hypot(x - eye, depth), abs(math.atan2(x - eye, depth)) - half
+            if aside <= 0 or away * math.sin(min(aside, math.pi / 2)) <= radius:
+                return True
+    return False
+
+
+def _radius(body: Morphology) -> float:
+    """How far a flat body reaches from its main body's centre, whichever way it turns, in metres."""
+    flat = body.poses(np.zeros(len(body.joints)))
+    return max(
+        math.hypot(*pose[:2, 3]) + math.hypot(*_half_sizes(body.parts[name])) for name, pose in flat.items()
+    )
+
+
+def _half_sizes(part: Part) -> tuple[float, float]:
+    """Half of a part's length and width, caps included, in metres."""
+    if part.shape == "cuboid":
+        return part.size[0] / 2, part.size[1] / 2
+    return (part.radius + (part.length / 2 if part.shape == "capped_cylinder" else 0)), part.radius
 
 
 def _half_width_deg(ends: Ends, rig: RigSpec) -> float:

@@ -105,14 +105,14 @@ class RigSpec(Spec):
     light: LightSpec = LightSpec()
     background: int = _field(255, "grey levels", ge=0, le=255)
     supersample: int = Field(2, ge=1, le=8, description="rendered pixels per pixel, along each side")
-    camera_rate: float = _field(15.0, "images/s", gt=0, le=1000)
+    camera_rate: float = _field(15.0, "images/s", ge=0.001, le=1000)
 
 
 class WorldSpec(Spec):
     """Time, gravity and ground."""
 
-    control_step: float = _field(1 / 60, "s", gt=0, le=0.5)
-    physics_step: float = _field(1 / 240, "s", gt=0, le=0.02)
+    control_step: float = _field(1 / 60, "s", ge=1e-5, le=0.5)
+    physics_step: float = _field(1 / 240, "s", ge=1e-5, le=0.02)
     max_cycles: int = Field(
         20_000, ge=1, le=10_000_000, description="control steps before the episode is cut"
     )
@@ -213,12 +213,36 @@ class Scenario(Spec):
 
     @model_validator(mode="after")
     def _rig_keeps_up(self) -> Self:
-        if self.rig.camera_rate * self.world.control_step > 1 + _STEP_TOLERANCE:
+        """An image is taken at a control step, every so many of them."""
+        ratio = 1 / (self.rig.camera_rate * self.world.control_step)
+        steps = round(ratio)
+        if ratio < 1 - _STEP_TOLERANCE:
             fastest = 1 / self.world.control_step
             what = f"rig.camera_rate of {self.rig.camera_rate:g} images/s is faster than the control steps"
             raise mistake(
                 what, f"at most {fastest:.4g}, or a smaller world.control_step", at="rig.camera_rate"
             )
+        if abs(ratio - steps) > _STEP_TOLERANCE * steps:
+            what = (
+                f"rig.camera_rate of {self.rig.camera_rate:g} images/s takes an image every {ratio:.4g} control "
+                "steps, which must be a whole number"
+            )
+            fitting = [
+                1 / (count * self.world.control_step) for count in (math.ceil(ratio), math.floor(ratio))
+            ]
+            mend = f"the nearest rates that fit are {fitting[0]:.6g} and {fitting[1]:.6g}"
+            raise mistake(what, mend, at="rig.camera_rate")
+        return self
+
+    @model_validator(mode="after")
+    def _background_is_light(self) -> Self:
+        background, dark = self.rig.background, self.student.parameters.looking.dark_below
+        if background <= dark:
+            what = (
+                f"rig.background of {background} is not above student.parameters.looking.dark_below of {dark}"
+            )
+            mend = "raise rig.background or lower student.parameters.looking.dark_below"
+            raise mistake(f"{what}: the student would take it for robots", mend, at="rig.background")
         return self
 
 

@@ -204,18 +204,19 @@ def _teacher(
     parts = np.stack([_truth_parts(body, base[look], joints[look]) for look in LOOKS])
     images = np.stack([render(model, rig, 110) for model in parts])
     images = np.clip(images + rng.normal(0, 2, images.shape), 0, 255).astype(np.uint8)
-    pair = np.minimum(np.arange(passes) * 3 // passes, 2)
-    fall = np.exp(-np.arange(passes) / (passes / 6)) if story.models_fall else np.ones(passes)
+    done = np.arange(passes + 1)  # row p is the model after p passes
+    pair = np.maximum(done - 1, 0) * 3 // passes
+    fall = np.exp(-done / (passes / 6)) if story.models_fall else np.ones(passes + 1)
     offset = rng.normal(0, 0.08, (parts.shape[1], 8)) * np.array([0, 1, 1, 2, 6, 0.2, 0.2, 0.2])
     history = parts[pair] + fall[:, None, None] * offset
     history[..., 5:] = np.maximum(history[..., 5:], 0.012)
     if not story.models_fall:
-        history[..., 1:4] += rng.normal(0, 0.01, (passes, 3, 3))
+        history[1:, :, 1:4] += rng.normal(0, 0.01, (passes, 3, 3))
     wrong = np.linalg.norm((history - parts[pair])[..., 1:4], axis=-1).mean(axis=1)
     v, u = np.nonzero(images[0, 0] < 250)
     seen = rng.integers(0, len(v), (passes, 2))
     pixels = np.stack([u[seen], v[seen]], axis=-1) + rng.integers(-4, 5, (passes, 2, 2))
-    rolls = history[np.linspace(0, passes - 1, 240).astype(int), :, 4]
+    rolls = history[np.linspace(0, passes, 240).astype(int), :, 4]
     falls = dict(story.falling)[truth]
     curve = np.exp(-np.arange(501) / 90) if falls else np.ones(501)
     level = rng.uniform(9, 11)
@@ -230,7 +231,7 @@ def _teacher(
         f"{name}/images": images,
         f"{name}/look_steps": np.array(LOOKS),
         f"{name}/model_history": history,
-        f"{name}/model_error": np.stack([8 * fall + 1, 9 * fall + 1], axis=1),
+        f"{name}/model_error": np.stack([8 * fall[1:] + 1, 9 * fall[1:] + 1], axis=1),
         f"{name}/pixels": np.clip(pixels, 0, [99, 74]).astype(np.int16),
         f"{name}/model_position_error": wrong,
         f"{name}/model_roll_error": 0.5 * fall,

@@ -88,6 +88,24 @@ def test_failed_trials_make_the_status_1(say: Any, tmp_path: Path, monkeypatch: 
     assert err == "testbed: 1 of 2 trials failed (trial 1); run it again to retry them\n"
 
 
+def test_a_users_mistake_that_a_trial_meets_is_one_line_and_status_2(
+    say: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def mistaken(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+        if job.trial == 1:
+            raise scenario.source.error(("world",), "the episode is too short", "raise world.max_cycles")
+        return compute(job, progress)
+
+    monkeypatch.setattr(runner_module, "live", mistaken)
+    arguments = ("run", "whom_to_imitate", "--trials", "3", "--workers", "1", "--out", str(tmp_path))
+    status, _, err = say(*arguments)
+    assert status == 2
+    assert err.count("\n") == 1
+    assert err.endswith("the episode is too short; raise world.max_cycles\n")
+    assert not list(tmp_path.rglob("*error.txt"))
+    assert [path.name for path in tmp_path.glob("trials/default/*.parquet")] == ["0.parquet"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "fragments"),
     [

@@ -219,7 +219,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         "no/robot.yaml": "there is no such file; there is no folder",
         ".": "this is a folder",
         "latin.yaml": "latin.yaml:2: the file is no UTF-8 text; save it as UTF-8",
-        "big.yaml": "larger than 1 MiB",
+        "big.yaml": f"larger than {LARGEST_FILE / 1024:g} KiB",
         "binary.yaml": "no UTF-8 text",
         "pipe.yaml": "no ordinary file",
         "a\0b": "cannot read the file",

@@ -80,6 +80,35 @@ def test_a_trial_that_raises_has_failed_and_the_others_go_on(executor: Executor)
     assert "in fails" in details
 
 
+def mistaken(job: Job, progress: Progress) -> TrialResult:
+    if job.trial == 2:
+        raise UserError("the episode is too short", "raise world.max_cycles", file="x.yaml", line=3)
+    return trial_result(job.trial)
+
+
+@both
+def test_a_users_mistake_ends_everything_at_once(executor: Executor) -> None:
+    heard = Heard()
+    with pytest.raises(UserError) as caught:
+        executor.run(JOBS, mistaken, heard)
+    assert str(caught.value) == "x.yaml:3: the episode is too short; raise world.max_cycles"
+    assert not heard.failures
+    assert JOBS[0] in heard.results
+    assert JOBS[2] not in heard.results
+
+
+def test_after_a_users_mistake_no_other_trial_is_begun() -> None:
+    begun = []
+
+    def noted(job: Job, progress: Progress) -> TrialResult:
+        begun.append(job)
+        return mistaken(job, progress)
+
+    with pytest.raises(UserError):
+        InProcessExecutor().run(JOBS, noted, Heard())
+    assert begun == list(JOBS[:3])
+
+
 def dies(folder: Path, times: int, job: Job, progress: Progress) -> TrialResult:
     deaths = len(list(folder.iterdir()))
     if job.trial == 1 and deaths < times:

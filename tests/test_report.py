@@ -11,13 +11,20 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from synthetic_run import CONTROL_STEP, LOOKS, PERFORM_START, PERFORM_STEPS, Story, write_synthetic_run
 
 from testbed.errors import UserError
 from testbed.report.claims import claims
+from testbed.report.desk import Desk
+from testbed.report.figures import figure_7
 from testbed.report.page import write_report
-from testbed.report.reading import read_run
-from testbed.report.video import RATE, panes
+from testbed.report.reading import Trial, read_run
+from testbed.report.seen import draw_imagined, models_of, moments_of
+from testbed.report.story import teacher_modelling
+from testbed.report.video import RATE, frame_count, panes, stride_of
+from testbed.resources import robot_path
+from testbed.vision import StereoRig, render
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "source"}
 
@@ -180,6 +187,86 @@ def test_the_papers_figures_are_kept_as_files(many: Path) -> None:
     assert "mean ± SEM of 7 trials" in (many / "figures" / "figure_6.svg").read_text()
 
 
+def trial_with(folder: Path, **arrays: object) -> Trial:
+    """The only trial of a small synthetic run, some of its arrays replaced."""
+    write_synthetic_run(folder, passes=30)
+    trial = read_run(folder).trials[0]
+    np.savez(trial.path, allow_pickle=False, **{**trial.arrays(), **arrays})
+    return trial
+
+
+def test_the_page_counts_looks_and_parts(tmp_path: Path) -> None:
+    def lead(folder: Path, **arrays: object) -> str:
+        trial_with(folder, **arrays)
+        return teacher_modelling(Desk(read_run(folder)), read_run(folder).trials[0])
+
+    text = lead(tmp_path / "three")
+    assert "looks at each candidate three times and imagines bodies of three parts" in text
+    trial = trial_with(tmp_path / "two")
+    shorter = {}
+    for name in ("teacher_0", "teacher_1"):
+        shorter |= {
+            f"{name}/{key}": value[:2]
+            for key in ("look_steps", "images", "truth_parts")
+            if (value := trial.array(f"{name}/{key}")) is not None
+        }
+        history = trial.array(f"{name}/model_history")
+        assert history is not None
+        shorter[f"{name}/model_history"] = np.concatenate([history, history[:, :1]], axis=1)
+    text = lead(tmp_path / "four", **shorter)
+    assert "looks at each candidate two times and imagines bodies of four parts" in text
+
+
+@pytest.mark.parametrize(
+    ("passes", "pairs", "expected"),
+    [(300, 3, [0, 100, 200, 300]), (10, 3, [0, 4, 7, 10]), (2, 1, [0, 2]), (7, 2, [0, 4, 7])],
+)
+def test_the_model_after_a_pair_is_the_last_that_the_pair_made(
+    passes: int, pairs: int, expected: list[int]
+) -> None:
+    assert moments_of(passes, pairs) == expected
+    numbers = np.arange(passes)  # pass after pass, the pair that it worked on
+    assert [int(np.sum(numbers * pairs // passes < pair)) for pair in range(pairs + 1)] == expected
+
+
+def test_the_first_model_shown_is_the_random_start_and_the_last_the_final_one(one: Path) -> None:
+    arrays = models_of(read_run(one).trials[0], "teacher_0")
+    history, rig = arrays["model_history"], StereoRig()
+    assert len(history) == len(arrays["pixels"]) + 1
+    panels = draw_imagined(Figure(), arrays, rig)
+    assert [axes.get_title() for axes in panels] == ["start", "pass 20", "pass 40", "pass 60"]
+    for axes, row in zip(panels, (0, 20, 40, 60), strict=True):
+        assert np.array_equal(axes.images[0].get_array(), render(history[row], rig)[0])
+
+
+def test_the_curves_of_models_end_at_the_last_pass_and_pairs_change_where_they_did(one: Path) -> None:
+    figure = figure_7(read_run(one).trials, "appropriate")
+    assert figure is not None
+    for axes in figure.axes:
+        assert axes.get_xlim() == (0, 60)
+        changes = [line.get_xdata()[0] for line in axes.lines if len(set(line.get_xdata())) == 1]
+        assert changes == [20, 40]
+
+
+@pytest.mark.parametrize("step", [0.1, 1 / 15, 0.02, 1 / 60, 0.01667, 0.005])
+def test_the_video_lasts_as_long_as_what_it_shows(tmp_path: Path, step: float) -> None:
+    trial = trial_with(tmp_path / "run", **{"time/control_step": np.float64(step)})
+    shown = panes(trial)
+    stride = stride_of(trial)
+    assert stride == pytest.approx(1 / 30 / step)
+    lasting = min(max(pane.count for pane in shown) * step, 20.0)
+    assert frame_count(shown, stride) == pytest.approx(lasting * RATE, abs=1)
+
+
+def test_a_candidate_is_watched_for_no_longer_than_the_video_lasts(tmp_path: Path) -> None:
+    story = Story(chosen=None)
+    trial = read_run(write_synthetic_run(tmp_path / "run", story, passes=30)).trials[0]
+    looks = {f"teacher_{i}/look_steps": np.array([100, 1200]) for i in (0, 1)}
+    slow = {**trial.arrays(), **looks, "time/control_step": np.float64(0.04)}
+    np.savez(trial.path, allow_pickle=False, **slow)
+    assert [pane.count for pane in panes(trial)] == [500, 500]  # 20 s
+
+
 def frames_of(path: Path) -> list[np.ndarray]:
     film = cv2.VideoCapture(str(path))
     assert film.get(cv2.CAP_PROP_FPS) == RATE
@@ -220,6 +307,18 @@ def test_text_from_files_is_escaped(tmp_path: Path) -> None:
     text = write_report(folder).read_text()
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
+
+
+def test_robots_kept_in_the_run_directory_are_found(tmp_path: Path) -> None:
+    folder = write_synthetic_run(tmp_path / "run", Story(robots=("crawler", "splayed")), passes=30)
+    (folder / "robots").mkdir()
+    (folder / "robots/mine.yaml").write_bytes(robot_path("splayed").read_bytes())
+    file = folder / "scenario.resolved.yaml"
+    file.write_text(file.read_text().replace("robot: splayed", "robot: robots/mine.yaml"))
+    moved = folder.rename(tmp_path / "moved")
+    bodies = Desk(read_run(moved)).bodies
+    assert bodies["teacher_1"].name == "splayed"
+    assert bodies["student"].name == "crawler"
 
 
 def test_a_folder_that_is_no_run_is_a_users_mistake(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.report.claims import Claim, claims
-from testbed.report.series import start_end
+from testbed.report.reading import Trial
+from testbed.report.series import start_end, teacher_series
 from testbed.report.words import explanation, headline
 
 SELF, MODEL_YES, MODEL_NO, CONTROLLER_YES, CONTROLLER_NO, CHANCE = range(6)
@@ -67,13 +69,35 @@ def test_everything_that_the_paper_saw_is_reproduced() -> None:
         ({"yes_end": 1.5}, [CONTROLLER_YES]),
         ({"no_end": 0.5}, [CONTROLLER_NO]),
         ({"no_end": 1.5}, [CONTROLLER_NO]),
-        ({"wrong": 12}, [CHANCE]),
+        ({"wrong": 14}, [CHANCE]),
         ({"wrong": 24}, [CHANCE]),
     ],
 )
 def test_each_claim_turns_with_its_own_numbers(change: dict[str, Any], which: list[int]) -> None:
     expected = ["not reproduced" if index in which else "reproduced" for index in range(6)]
     assert outcomes(claims(rows(**change))) == expected
+
+
+def test_right_verdicts_are_counted_by_trial() -> None:
+    # 18 of 25 single verdicts would beat a coin; in five trials of five that agree nearly, they need not.
+    made = [dict(row, trial=number // 5) for number, row in enumerate(rows(25)[:25])]
+    for number, row in enumerate(made):
+        row["verdict"] = row["truth"] if number < 16 or number > 22 else "neither"
+    by_trial = claims(made)[CHANCE]
+    single = claims([dict(row, trial=number) for number, row in enumerate(made)])[CHANCE]
+    assert "18 of 25 verdicts were right" in by_trial.finding
+    assert single.outcome == "reproduced"
+    assert by_trial.outcome != "reproduced"
+
+
+@pytest.mark.parametrize("values", [[np.nan, 1.0], [1.0, np.inf]])
+def test_a_teacher_without_numbers_does_not_lose_its_trial(tmp_path: Path, values: list[float]) -> None:
+    np.savez(tmp_path / "0.npz", **{"a/x": np.array([1.0, 3.0]), "b/x": np.array(values)})
+    two = tuple({"teacher": name, "truth": "appropriate"} for name in "ab")
+    series = teacher_series([Trial("default", 0, tmp_path / "0.npz", two)], "appropriate", "x")
+    assert series is not None
+    assert series.curves.tolist() == [[1.0, 3.0]]
+    assert teacher_series([Trial("default", 0, tmp_path / "0.npz", two[1:])], "appropriate", "x") is None
 
 
 @pytest.mark.parametrize("trials", [1, 2, 5])

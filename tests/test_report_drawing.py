@@ -20,8 +20,7 @@ from testbed.report.figures import threshold
 from testbed.report.film import Camera, floor, paint
 from testbed.report.motion import sticks
 from testbed.report.outlines import outline
-from testbed.report.pictures import model_picture, robot_picture, self_model_picture
-from testbed.report.style import svg
+from testbed.report.pictures import robot_picture
 from testbed.student.self_model import BodyPrior, self_model
 from testbed.vision import StereoRig, render
 from testbed.world.optics import projection_matrix, view_matrix
@@ -139,13 +138,6 @@ def test_robot_pictures_are_written_and_repeat(tmp_path: Path) -> None:
         assert robot_picture(body, tmp_path / "again.svg").read_text() == first
         for name in (*body.parts, *body.joints):
             assert name in first
-
-
-def test_model_pictures_are_drawn() -> None:
-    part = np.array([[0, 0.0, 0.1, 0.9, 0.0, 0.14, 0.11, 0.05]])
-    image = render(part, StereoRig())[0]
-    assert "imagined" in svg(model_picture(part, image, truth=part), "model")
-    assert "true body" in svg(self_model_picture(np.array([1.0, 1.0, 2.0]), load_robot("crawler")), "self")
 
 
 def test_the_threshold_lies_between_the_verdicts() -> None:

@@ -24,6 +24,14 @@ def test_an_unknown_name_is_a_user_error(name: str) -> None:
         resources.robot_path(name)
 
 
+def test_only_what_can_be_read_is_a_shipped_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robots").mkdir()
+    for name in ("mine.yaml", "other.urdf"):
+        (tmp_path / "robots" / name).touch()
+    monkeypatch.setattr(resources, "data_root", lambda: tmp_path)
+    assert resources.robot_names() == ("mine",)
+
+
 def test_an_installed_package_finds_its_own_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = tmp_path / "site-packages" / "testbed"
     shutil.copytree(resources.data_root() / "robots", package / "_data" / "robots")

@@ -19,7 +19,9 @@ from trial_builder import assert_same, scenario_of, trial_result
 from testbed.errors import UserError
 from testbed.experiment.jobs import Job, jobs_of
 from testbed.experiment.run_directory import RunDirectory, default_path
-from testbed.scenario import content_hash, resolve
+from testbed.experiment.trial_files import decode
+from testbed.resources import robot_path
+from testbed.scenario import Scenario, check, content_hash, load_scenario, resolve
 
 ROOT = Path(__file__).resolve().parents[1]
 JOB = Job("default", 0)
@@ -36,7 +38,8 @@ def filled(path: Path, trials: int = 3) -> RunDirectory:
 def test_a_trial_comes_back_as_it_was(tmp_path: Path) -> None:
     run = RunDirectory.open(filled(tmp_path / "run").path)
     for job in jobs_of(run.scenario):
-        assert_same(run.read_trial(job), trial_result(job.trial))
+        files = [run.path / f"trials/default/{job.trial}{suffix}" for suffix in (".npz", ".parquet")]
+        assert_same(decode(*(file.read_bytes() for file in files)), trial_result(job.trial))
         assert list(run.read_rows(job)) == list(trial_result(job.trial).rows)
 
 
@@ -56,6 +59,52 @@ def test_a_new_directory_says_what_it_is(tmp_path: Path) -> None:
     assert provenance == {"scenario": "whom_to_imitate", "hash": content_hash(scenario), "seed": 5}
     assert RunDirectory.open(run.path).hash8 == content_hash(scenario) == run.hash8
     assert default_path(scenario) == Path("runs") / f"whom_to_imitate-{content_hash(scenario)}"
+
+
+def with_own_robots(folder: Path, student: str = "crawler", teacher: str = "splayed") -> Scenario:
+    """A scenario in ``folder/x.yaml`` whose robots are files of one's own: a/mine.yaml and b/<teacher>.yaml."""
+    places = {"a/mine.yaml": student, f"b/{teacher}.yaml": teacher}
+    for place, robot in places.items():
+        (folder / place).parent.mkdir(parents=True, exist_ok=True)
+        (folder / place).write_bytes(robot_path("crawler" if robot == "mine" else robot).read_bytes())
+    (folder / "x.yaml").write_text(
+        f"student: {{robot: a/mine.yaml}}\nteachers:\n- {{robot: b/{teacher}.yaml, gait: still}}\n"
+        "- {robot: crawler, gait: still, bearing_deg: 60}\n"
+    )
+    return load_scenario(folder / "x.yaml")
+
+
+def test_robots_of_ones_own_are_kept_with_the_run(tmp_path: Path) -> None:
+    scenario = with_own_robots(tmp_path / "home")
+    before = content_hash(scenario)
+    with RunDirectory.prepare(tmp_path / "run", scenario, dict) as run:
+        assert run.hash8 == before
+    shutil.rmtree(tmp_path / "home")
+    (tmp_path / "run").rename(tmp_path / "moved")
+    assert str(tmp_path) not in (tmp_path / "moved/scenario.resolved.yaml").read_text()
+    kept = RunDirectory.open(tmp_path / "moved").scenario
+    assert content_hash(kept) == before
+    check(kept)
+    assert kept.student.robot == str(tmp_path / "moved/robots/mine.yaml")
+    assert kept.teachers[1].robot == "crawler"
+    with RunDirectory.prepare(tmp_path / "moved", kept, dict) as run:  # run from its own folder
+        assert run.hash8 == before
+    (tmp_path / "moved/provenance.json").unlink()
+    with RunDirectory.prepare(tmp_path / "moved", kept, dict) as run:
+        assert run.hash8 == before
+
+
+def test_two_robots_of_one_file_name_are_refused_unless_they_are_the_same(tmp_path: Path) -> None:
+    alike = with_own_robots(tmp_path / "alike", teacher="mine")
+    with RunDirectory.prepare(tmp_path / "run", alike, dict):
+        assert [path.name for path in (tmp_path / "run/robots").iterdir()] == ["mine.yaml"]
+    different = with_own_robots(tmp_path / "different", teacher="mine", student="splayed")
+    with (
+        pytest.raises(UserError, match=r"files named 'mine.yaml'; rename"),
+        RunDirectory.prepare(tmp_path / "other", different, dict),
+    ):
+        pytest.fail("it was let in")
+    assert not (tmp_path / "other/robots").exists()
 
 
 def test_provenance_is_written_once_and_the_number_of_trials_follows(tmp_path: Path) -> None:
@@ -147,8 +196,9 @@ def test_a_truncated_file_is_set_aside_and_only_that_trial_is_lost(
     run = filled(tmp_path)
     victim = tmp_path / f"trials/default/1{suffix}"
     victim.write_bytes(victim.read_bytes()[:keep])
-    with pytest.raises(UserError, match="run the scenario again"):
-        run.read_trial(Job("default", 1))
+    if suffix == ".parquet":
+        with pytest.raises(UserError, match="run the scenario again"):
+            run.read_rows(Job("default", 1))
     notices: list[str] = []
     assert run.finished(jobs_of(run.scenario), notices.append) == {Job("default", 0), Job("default", 2)}
     assert len(notices) == 1

@@ -107,6 +107,28 @@ def test_a_failed_trial_is_told_kept_and_tried_again(tmp_path: Path) -> None:
     assert not error.exists()
 
 
+def mistaken(job: Job, progress: Progress) -> TrialResult:
+    if job.trial == 2:
+        raise UserError("the episode is too short", "raise world.max_cycles", file="x.yaml", line=3)
+    return trial_result(job.trial)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_users_mistake_in_a_trial_ends_the_run_and_keeps_what_is_finished(
+    tmp_path: Path, workers: int
+) -> None:
+    told = Told()
+    with pytest.raises(UserError, match=r"^x.yaml:3: the episode is too short; raise world.max_cycles$"):
+        run(scenario_of(9), out=tmp_path, workers=workers, compute=mistaken, display=told)
+    assert not told.failures
+    assert not list(tmp_path.rglob("*.error.txt"))
+    finished = RunDirectory.open(tmp_path).finished(jobs_of(scenario_of(9)), pytest.fail)
+    # A second worker may still be starting while the first one does trial 1 and comes upon trial 2.
+    assert {Job("default", 0), Job("default", 1)} & finished
+    assert Job("default", 2) not in finished
+    assert len(finished) < 8
+
+
 def test_a_damaged_trial_is_computed_again(tmp_path: Path) -> None:
     run(scenario_of(3), out=tmp_path, compute=compute)
     before = _verdicts(tmp_path)

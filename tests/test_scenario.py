@@ -38,6 +38,7 @@ world:
   physics_step: 0.005
 rig:
   height: 0.2
+  camera_rate: 12.5
   light: {direction: [0, 0, 1], ambient: 0.5}
 student:
   method: paper

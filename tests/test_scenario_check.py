@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 
 from testbed.errors import UserError
 from testbed.morphology import load_robot
-from testbed.scenario import GaitSpec, RigSpec, Scenario, TeacherSpec, check, parse_scenario
+from testbed.scenario import (
+    GaitSpec,
+    RigSpec,
+    Scenario,
+    StudentSpec,
+    TeacherSpec,
+    as_scenario,
+    check,
+    parse_scenario,
+)
 from testbed.world.optics import projection_matrix, view_matrix
 from testbed.world.placement import placements
 
@@ -45,6 +54,12 @@ def test_a_sound_scenario_passes() -> None:
         (GOOD.replace("crawler", "crawlr"), 2, ["unknown robot 'crawlr'", "did you mean 'crawler'?"]),
         (GOOD + "student:\n  robot: craler", 5, ["unknown robot 'craler'", "did you mean 'crawler'?"]),
         (GOOD.replace("crawler", "./nobody.yaml"), 2, ["there is no such file"]),
+        (
+            GOOD.replace("crawler", "./mine.urdf"),
+            2,
+            ["URDF files are not read yet; describe the robot in YAML"],
+        ),
+        (GOOD + "student: {robot: mine.urdf}", 4, ["URDF files are not read yet"]),
         (
             "teachers:\n  - robot: crawler\n    gait:\n      joints:\n        joint_a: {}\n        joint_c: {}",
             6,
@@ -100,6 +115,101 @@ def test_the_mended_distance_and_bearing_pass() -> None:
         mend = refused(text).split(word)[1].split()[0]
         head, _, _ = text.rpartition("\n")
         check(parse_scenario(f"{head}\n{mended.format(mend)}"))
+
+
+PARTS = """\
+name: mine
+parts:
+  body: {shape: cuboid, size: [0.14, 0.11, 0.05]}
+  upper: {shape: capped_cylinder, radius: 0.01, length: 0.2}
+  lower: {shape: capped_cylinder, radius: 0.01, length: 0.2}
+joints:
+"""
+UPPER = "  a: {parent: body, child: upper, angle_deg: 20}\n"
+LOWER = "  b: {parent: upper, child: lower, angle_deg: -30}\n"
+
+
+def checked(folder: Path, robot: str) -> None:
+    (folder / "mine.yaml").write_text(robot)
+    check(parse_scenario(GOOD + "student:\n  robot: mine.yaml\n", folder / "x.yaml"))
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [
+        PARTS + UPPER + LOWER,
+        PARTS + UPPER + "  b: {parent: body, child: lower, angle_deg: 200}\n",
+    ],
+)
+def test_a_student_that_a_genome_describes_passes(tmp_path: Path, robot: str) -> None:
+    checked(tmp_path, robot)
+
+
+@pytest.mark.parametrize(
+    ("robot", "fragments"),
+    [
+        (PARTS.replace("joints:", "joints: {}").split("  upper")[0], ["two joints", "'mine' has 0"]),
+        (PARTS + LOWER + UPPER, ["list the joints from the main body outward"]),
+        (PARTS + UPPER + LOWER.replace("-30}", "-30, along: 0.5}"), ["hinges at the far end"]),
+        (PARTS + UPPER.replace("20}", "20, height: 0.02}") + LOWER, ["at height 0"]),
+    ],
+)
+def test_a_student_that_no_genome_describes_is_refused(
+    tmp_path: Path, robot: str, fragments: list[str]
+) -> None:
+    with pytest.raises(UserError) as caught:
+        checked(tmp_path, robot)
+    assert str(caught.value).startswith(f"{tmp_path / 'x.yaml'}:5: ")
+    for fragment in fragments:
+        assert fragment in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "fragment"),
+    [
+        ("student:\n  position: [0, 2]\n", 5, "comes into the rig's view; move student.position behind"),
+        ("student:\n  position: [1.5, -0.3]\n", 5, "comes into the rig's view"),  # a limb would reach in
+        ("student:\n  position: [0, -0.3]\n", 5, "touches the rig's post"),
+        ("rig:\n  pan_limit_deg: 130\n", 5, "or lower rig.pan_limit_deg"),
+        ("student:\n  position: [0, 1.2]\nrig: {pan_limit_deg: 20}\n", 5, "comes into the rig's view"),
+    ],
+)
+def test_a_student_in_the_way_is_refused(text: str, line: int, fragment: str) -> None:
+    message = refused(GOOD + text)
+    assert message.startswith(f"x.yaml:{line}: ")
+    assert fragment in message
+
+
+@settings(max_examples=60, deadline=None)
+@given(limit=st.floats(0, 170), view=st.floats(20, 100), place=st.floats(-180, 180), away=st.floats(0.7, 3))
+def test_the_student_passes_where_no_camera_sees_any_of_it_however_it_turns(
+    limit: float, view: float, place: float, away: float
+) -> None:
+    rig = RigSpec(pan_limit_deg=limit, field_of_view_deg=view)
+    centre = away * np.array([math.sin(math.radians(place)), math.cos(math.radians(place))])
+    student = StudentSpec(position=(float(centre[0]), float(centre[1])))
+    teacher = TeacherSpec(robot="crawler", gait=STILL, distance=5)
+    scenario = Scenario(name="x", rig=rig, student=student, teachers=(teacher,))
+    around = np.linspace(0, 2 * math.pi, 90)[:, None]
+
+    def shown(radius: float) -> bool:
+        ring = centre + np.concatenate(
+            [share * radius * np.hstack([np.cos(around), np.sin(around)]) for share in (0, 0.5, 1)]
+        )
+        points = np.column_stack([ring, np.full(len(ring), rig.height)])
+        pans = np.radians(np.linspace(-limit, limit, 60))
+        return any(seen(points, rig, pan).any() for pan in pans)
+
+    reach = max(map(abs, BODIES["crawler"].reach()[:2]))
+    if shown(reach - 0.01):
+        assert not passes(scenario)
+    elif not shown(reach + 0.05):
+        assert passes(scenario)
+
+
+def test_shipped_scenarios_pass() -> None:
+    for name in ("paper", "whom_to_imitate"):
+        as_scenario(name)
 
 
 def seen(points: np.ndarray, rig: RigSpec, pan: float) -> np.ndarray:
@@ -190,7 +300,8 @@ def test_teachers_may_stand_no_nearer_than_where_one_enters_the_view_of_the_othe
                 BODIES, distances, (0.0, separation), facings, strict=True
             )
         )
-        return Scenario(name="x", rig=RigSpec(pan_limit_deg=180), teachers=teachers)
+        student = StudentSpec(position=(0.0, -8.0))  # far from where the rig looks
+        return Scenario(name="x", rig=RigSpec(pan_limit_deg=130), student=student, teachers=teachers)
 
     def shared(scenario: Scenario) -> bool:
         return any(

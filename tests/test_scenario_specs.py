@@ -81,6 +81,29 @@ BAD = [
     (TEACHER + "rig:\n  light:\n    direction: [0, 0, 0]", 6, ["no usable length", "[0.3, -1.0, 1.5]"]),
     (TEACHER + "rig:\n  light:\n    direction: [0, 1]", 6, ["too few values", "give 3"]),
     (TEACHER + "rig:\n  height: 1\n  camera_rate: 100", 6, ["faster than the control steps", "at most 60"]),
+    (
+        TEACHER + "rig:\n  camera_rate: 25",
+        5,
+        ["every 2.4 control steps", "whole number", "nearest rates that fit are 20 and 30"],
+    ),
+    (
+        TEACHER + "world:\n  control_step: 0.02\n  physics_step: 0.005",
+        1,
+        ["camera_rate of 15", "every 3.333", "12.5 and 16.6667"],
+    ),
+    (
+        TEACHER + "rig:\n  background: 180",
+        5,
+        ["rig.background of 180", "dark_below of 180", "raise rig.background or lower student.parameters"],
+    ),
+    (
+        TEACHER + "rig: {background: 200}\nstudent: {parameters: {looking: {dark_below: 210}}}",
+        4,
+        ["rig.background of 200", "dark_below of 210"],
+    ),
+    (TEACHER + "rig: {camera_rate: 1e-320}", 4, ["between 0.001 and 1000 images/s"]),
+    (TEACHER + "world: {control_step: 1e-320, physics_step: 1e-320}", 4, ["between 1e-05 and 0.5 s"]),
+    (TEACHER + "world: {physics_step: 1e-320}", 4, ["between 1e-05 and 0.02 s"]),
     (TEACHER + "name: two words", 4, ["name cannot be the text 'two words'", "start with a letter"]),
     (TEACHER + "name: 2", 4, ["name must be text, not 2", "quotes"]),
     (TEACHER + "seed: 1\nseed: 2", 5, ["'seed' stands twice, first in line 4"]),
@@ -102,6 +125,16 @@ def test_steps_written_by_hand_need_not_be_exact() -> None:
     assert WorldSpec(control_step=0.01667, physics_step=0.004167).physics_steps == 4
     with pytest.raises(ValidationError):
         WorldSpec(control_step=0.0150, physics_step=0.004167)
+
+
+@pytest.mark.parametrize("rate", [1, 7.5, 12, 15, 20, 30, 60, 16.6667, 12.5])
+def test_cameras_take_an_image_every_whole_number_of_steps(rate: float) -> None:
+    step = "world: {control_step: 0.02, physics_step: 0.005}\n" if rate in (16.6667, 12.5) else ""
+    assert parse_scenario(f"{TEACHER}{step}rig: {{camera_rate: {rate}}}").rig.camera_rate == rate
+
+
+def test_a_background_may_be_just_above_what_is_dark() -> None:
+    assert parse_scenario(TEACHER + "rig: {background: 181}").rig.background == 181
 
 
 def test_specs_are_frozen() -> None:

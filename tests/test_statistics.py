@@ -10,7 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from testbed.experiment.statistics import auc, auc_interval, bootstrap_mean, mean_sem, paired_test, wilson
+from testbed.experiment.statistics import (
+    auc,
+    auc_interval,
+    bootstrap_mean,
+    mean_sem,
+    paired_test,
+    share_interval,
+    wilson,
+)
 
 
 def rng() -> np.random.Generator:
@@ -113,6 +121,54 @@ def test_auc_interval_covers_the_truth_about_as_often_as_it_says() -> None:
 def test_a_perfect_separation_of_few_trials_is_not_certain() -> None:
     interval = auc_interval([1, 0, 1, 0, 1, 0], [True, False] * 3, [0, 0, 1, 1, 2, 2], rng())
     assert interval == pytest.approx(wilson(3, 3))
+
+
+def test_a_share_of_single_verdicts_has_the_binomials_interval() -> None:
+    right = np.arange(200) < 130
+    interval = share_interval(right, np.arange(200), rng(), resamples=20_000)
+    assert interval == pytest.approx(stats.binom(200, 0.65).ppf([0.025, 0.975]) / 200, abs=0.006)
+
+
+def test_verdicts_that_agree_within_a_trial_count_once() -> None:
+    right, trials = rng().random(60) < 0.6, np.arange(60)
+    once = share_interval(right, trials, rng())
+    copies = share_interval(np.tile(right, 4), np.tile(trials, 4), rng())
+    assert copies == pytest.approx(once)
+    mistaken = wilson(4 * int(right.sum()), 240)  # as if they were independent
+    assert (copies.high - copies.low) / (mistaken.high - mistaken.low) == pytest.approx(2, rel=0.1)
+
+
+def test_trials_of_unequal_size_are_weighed_by_their_verdicts() -> None:
+    sizes = rng().integers(1, 6, 40)
+    trials = np.repeat(np.arange(40), sizes)
+    right = rng().random(len(trials)) < 0.7
+    generator, shares = np.random.default_rng(3), []
+    for _ in range(2000):  # brute force: draw trials, take all of their verdicts
+        drawn = np.concatenate([right[trials == trial] for trial in generator.integers(40, size=40)])
+        shares.append(drawn.mean())
+    assert share_interval(right, trials, rng()) == pytest.approx(
+        np.quantile(shares, [0.025, 0.975]), abs=0.015
+    )
+
+
+@pytest.mark.parametrize(
+    ("right", "trials"),
+    [
+        ([True, False, True], [4, 4, 4]),
+        ([True] * 6, [0, 0, 1, 1, 2, 2]),
+        ([True, False] * 3, [0, 0, 1, 1, 2, 2]),
+    ],
+)
+def test_without_any_width_a_share_has_wilsons_interval(right: list[bool], trials: list[int]) -> None:
+    assert share_interval(right, trials, rng()) == wilson(sum(right), len(right))
+
+
+def test_the_interval_of_a_share_repeats_and_refuses_nonsense() -> None:
+    right, trials = rng().random(30) < 0.5, np.arange(30) // 2
+    assert share_interval(right, trials, rng()) == share_interval(right, trials, rng())
+    for wrong in (([], []), ([True], [0, 1])):
+        with pytest.raises(ValueError, match=r"no proportion|same number"):
+            share_interval(*wrong, rng())
 
 
 @pytest.mark.parametrize("truths", [[True, False], [True, True], []])

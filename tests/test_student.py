@@ -14,10 +14,16 @@ from hypothesis.extra import numpy as hnp
 from testbed.errors import UserError
 from testbed.experiment.truth import is_like, self_model_error
 from testbed.morphology import Morphology, load_robot
-from testbed.physics import PhysicsSpec, Simulation
+from testbed.physics import Simulation
 from testbed.student.imagination import Imagination
 from testbed.student.imitation import controller, correspondence, evolve_controller, imitation_error
-from testbed.student.parameters import ImitationParameters, SelfDiscoveryParameters, VerdictParameters
+from testbed.student.parameters import (
+    ImaginationParameters,
+    ImitationParameters,
+    PaperParameters,
+    SelfDiscoveryParameters,
+    VerdictParameters,
+)
 from testbed.student.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.search import HillClimber, choose_variables
 from testbed.student.self_discovery import evolve_self_model, mutate, random_commands, tilt_error
@@ -38,7 +44,8 @@ def nothing(done: int, total: int) -> None:
 
 
 def test_the_prior_says_nothing_about_how_the_parts_are_joined() -> None:
-    assert BodyPrior.of(load_robot("crawler")) == BodyPrior.of(load_robot("splayed"))
+    raised = CRAWLER.varied(joints={"joint_a": {"height": 0.02}, "joint_b": {"angle_deg": 70, "along": 0.3}})
+    assert BodyPrior.of(CRAWLER) == BodyPrior.of(load_robot("splayed")) == BodyPrior.of(raised)
 
 
 def test_the_prior_needs_two_limbs() -> None:
@@ -100,7 +107,7 @@ def test_lambda_stays_binary_and_angles_move() -> None:
 def test_an_imagined_body_settles_as_a_real_one_does() -> None:
     """The shortcut of stopping at rest against the whole wait."""
     commands = np.random.default_rng(4).uniform(*PRIOR.limits.T, (8, 2))
-    with Imagination(PhysicsSpec(), 1 / 60) as imagination:
+    with Imagination(ImaginationParameters(), 1 / 60) as imagination:
         believed = imagination.settle(CRAWLER, commands, limit=1.5, rest_speed=0.02)
     for command, tilt in zip(commands, believed, strict=True):
         with Simulation() as simulation:
@@ -114,7 +121,7 @@ def test_a_student_finds_its_body_better_than_chance() -> None:
     """Objective error after 50 iterations against that of random self-models, several seeds, development ones."""
     body, parameters = CRAWLER, SelfDiscoveryParameters()
     finals, randoms = [], []
-    with Imagination(PhysicsSpec(), 1 / 60) as imagination:
+    with Imagination(ImaginationParameters(), 1 / 60) as imagination:
         for seed in range(4):
             rng = np.random.default_rng([seed, 77])
             commands = random_commands(PRIOR, parameters, rng)
@@ -233,7 +240,7 @@ def test_a_motion_that_the_body_can_make_is_imitated() -> None:
     rng = np.random.default_rng(5)
     seen = np.cumsum(rng.normal(0, 0.05, (40, 3)), axis=0)
     right, _ = view_of(CRAWLER)
-    with Imagination(PhysicsSpec(), 1 / 60) as imagination:
+    with Imagination(ImaginationParameters(), 1 / 60) as imagination:
         with imagination.imagine(CRAWLER) as rehearsal:
             moved = rehearsal.move(controller(rng.uniform(-1, 1, (2, 3)), seen, CRAWLER.limits))
         rolls = roll_of(headings(CRAWLER, *moved), right)
@@ -257,8 +264,14 @@ def test_a_motion_that_the_body_can_make_is_imitated() -> None:
 
 def test_verdicts_are_drawn_as_the_parameters_say() -> None:
     errors = np.array([10.0, 8.0, 6.0])
-    assert judge(errors, 100, VerdictParameters(threshold=0.4)).answer == "appropriate"
-    assert judge(errors, 100, VerdictParameters(threshold=0.41)).answer == "inappropriate"
+    assert (
+        judge(errors, 100, VerdictParameters(score="relative_reduction", threshold=0.4)).answer
+        == "appropriate"
+    )
+    assert (
+        judge(errors, 100, VerdictParameters(score="relative_reduction", threshold=0.41)).answer
+        == "inappropriate"
+    )
     final = judge(errors, 100, VerdictParameters(score="final_error", threshold=-0.7))
     assert (final.answer, final.score) == ("appropriate", pytest.approx(-0.6))
 
@@ -268,3 +281,25 @@ def test_like_me_is_the_plan_of_the_body_not_its_size() -> None:
     assert is_like(CRAWLER, CRAWLER.varied(parts={"limb_b": {"length": 0.1, "luminosity": 10}}))
     assert not is_like(CRAWLER, load_robot("splayed"))
     assert not is_like(CRAWLER, CRAWLER.varied(joints={"joint_b": {"angle_deg": 90}}))
+
+
+def test_either_score_has_a_threshold_of_its_own() -> None:
+    errors = np.array([10.0, 5.0])
+    assert judge(errors, 100, VerdictParameters(score="final_error")).answer == "appropriate"
+    assert judge(errors, 100, VerdictParameters(score="relative_reduction")).answer == "appropriate"
+    assert judge(errors, 10, VerdictParameters(score="final_error")).answer == "inappropriate"
+
+
+@given(st.integers(1, 5), st.integers(1, 2000), st.integers(1, 9))
+def test_every_student_can_be_hurried(pairs: int, passes: int, iterations: int) -> None:
+    modelling = {"image_pairs": pairs, "passes_per_image": passes, "estimation_iterations": iterations}
+    length = pairs * passes * iterations
+    if length < 2:
+        return
+    samples = min(count for count in range(2, length + 1) if length % count == 0)
+    parameters = PaperParameters.model_validate(
+        {"teacher_modelling": modelling, "imitation": {"samples": samples}}
+    )
+    hasty = parameters.smoke()
+    assert hasty.teacher_modelling.passes_per_image == 30
+    assert hasty.imitation.iterations <= 6

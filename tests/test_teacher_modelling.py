@@ -49,7 +49,8 @@ class Plain:
         self.order = list(range(7500))
         # One list a camera of (pixel, label), the oldest first.
         self.buffer: list[list[tuple[int, int]]] = [[], []]
-        self.history: list[Array] = []
+        self.histories: list[tuple[Array, ...]] = []
+        self.better: list[int] = []
         self.errors: list[list[float]] = []
         self.chosen: list[list[int]] = []
 
@@ -112,7 +113,8 @@ class Plain:
                     )
                     if self.error(child) < self.error(self.models[m]):
                         self.models[m] = child
-                self.history.append(min(self.models, key=self.error))
+                self.histories.append(tuple(self.models))
+                self.better.append(int(np.argmin([self.error(model) for model in self.models])))
             self.errors.append([self.error(model) for model in self.models])
 
 
@@ -122,11 +124,17 @@ def test_is_the_algorithm_of_the_paper(seed: int, parts: int, buffer: int) -> No
     small = {"passes_per_image": 30, "candidate_pixels": 200, "buffer": buffer, "estimation_iterations": 4}
     images = [teacher_images(), teacher_images(0.6)]
     _, record = run(seed, images, parts, **small)
+    _, jumping = run(seed, images, parts, history_of="best_each_iteration", **small)
     plain = Plain(seed, parts, TeacherModellingParameters.model_validate(small))
     for pair in images:
         plain.observe(pair)
     assert np.array_equal(record.pixels[..., 1].astype(int) * 100 + record.pixels[..., 0], plain.chosen)
-    np.testing.assert_allclose(record.history, plain.history, rtol=1e-12)
+    best = plain.better[-1]
+    np.testing.assert_allclose(record.history, [pair[best] for pair in plain.histories], rtol=1e-12)
+    at_its_time = [pair[better] for pair, better in zip(plain.histories, plain.better, strict=True)]
+    np.testing.assert_allclose(jumping.history, at_its_time, rtol=1e-12)
+    initial = random_models(2, parts, RIG, plain.p, np.random.default_rng(seed))
+    assert np.array_equal(record.initial, initial[best])
     np.testing.assert_allclose(record.error, plain.errors, rtol=1e-12)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ import testbed.student
 from testbed.errors import UserError
 from testbed.experiment import trial as trials
 from testbed.experiment.record import TrialResult
-from testbed.experiment.trial import live, run_trial
+from testbed.experiment.trial import live, match, run_trial
 from testbed.scenario import Scenario
 from testbed.student.agent import PaperStudent
 from testbed.world.bullet import SimulatedBackend
@@ -48,8 +50,8 @@ def test_arrays_have_the_shapes_that_the_documentation_tells(result: TrialResult
     iterations, passes = parameters.imitation.iterations, 3 * parameters.teacher_modelling.passes_per_image
     assert shapes["self/genome"] == (parameters.self_discovery.iterations + 1, 3)
     assert shapes["teacher_0/images"] == (3, 2, 75, 100)
-    assert shapes["teacher_0/model_history"] == (passes, 3, 8)
-    assert shapes["teacher_0/model_position_error"] == (passes,)
+    assert shapes["teacher_0/model_history"] == (passes + 1, 3, 8)
+    assert shapes["teacher_0/model_position_error"] == (passes + 1,)
     assert shapes["teacher_0/truth_parts"] == (3, 3, 8)
     assert shapes["teacher_0/controller_objective"] == (iterations + 1,)
     assert shapes["teacher_0/self_rolls"] == (3, parameters.imitation.samples, 3)
@@ -126,8 +128,8 @@ class Recorder:
 def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) -> None:
     """The same stream of observations without any world behind it: the same life, bit for bit.
 
-    The second student is even told that it has the other body, which must make no difference either, for all that
-    it may know of a body beforehand is the same for both.
+    The second student is even made from another world, with the other body, slippery ground and half the gravity,
+    which must make no difference either: all that it may know beforehand is the same in both.
     """
     backend = SimulatedBackend(hasty)
     world = World(hasty, backend=backend)
@@ -137,7 +139,9 @@ def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) ->
     splayed = backend.robots["teacher_1"]
     world.close()
 
-    blind = trials._student(hasty, splayed, np.random.SeedSequence(7), trials.silent)
+    elsewhere = hasty.world.model_copy(update={"ground_friction": 0.3, "gravity": 4.9, "tilt_noise_deg": 9.0})
+    other = hasty.model_copy(update={"world": elsewhere})
+    blind = trials._student(other, splayed, np.random.SeedSequence(7), trials.silent)
     assert [blind.act(sensed).tobytes() for sensed in recorder.sensed] == recorder.done_actions
     ours, theirs = recorder.student.life, blind.life
     assert ours is not None
@@ -153,8 +157,10 @@ def test_the_students_room_has_no_window_to_the_world() -> None:
     """Nothing in testbed/student imports the world, the scenario, the experiment or a backend."""
     for file in Path(testbed.student.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
-            modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{file.name} imports relatively"
+                modules += [f"{node.module}.{alias.name}" for alias in node.names]
             for module in modules:
                 for room in ("world", "experiment", "scenario", "hardware", "report", "resources"):
                     assert not module.startswith(f"testbed.{room}"), f"{file.name} imports {module}"
@@ -183,3 +189,22 @@ def test_a_life_that_does_not_fit_the_episode_is_a_users_mistake(hasty: Scenario
     short = hasty.model_copy(update={"world": hasty.world.model_copy(update={"max_cycles": 50})})
     with pytest.raises(UserError, match="max_cycles = 50"):
         run_trial(short, 0)
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        ((-29.0, 31.0), {"teacher_0": 0, "teacher_1": 1}),
+        ((31.0, -29.0), {"teacher_0": 1, "teacher_1": 0}),
+        ((-5.0,), {}),
+        ((-15.0,), {"teacher_0": 0}),
+        ((-30.0, -26.0, 75.0), {"teacher_0": 0}),
+        ((331.0, 28.0), {"teacher_0": 0, "teacher_1": 1}),
+        ((), {}),
+    ],
+)
+def test_a_candidate_is_at_most_one_teacher(
+    hasty: Scenario, seen: tuple[float, ...], expected: object
+) -> None:
+    candidates = tuple(SimpleNamespace(bearing=math.radians(bearing)) for bearing in seen)
+    assert match(candidates, hasty) == expected  # type: ignore[arg-type]

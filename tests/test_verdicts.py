@@ -13,7 +13,7 @@ import pytest
 from trial_builder import trial_result
 
 from testbed.experiment import verdicts
-from testbed.experiment.statistics import auc, wilson
+from testbed.experiment.statistics import SHARE_SEED, auc, share_interval, wilson
 
 
 def rows_of(trials: int) -> list[dict[str, Any]]:
@@ -81,7 +81,19 @@ def test_the_summary_says_what_the_statistics_say() -> None:
     )
     assert summary["auc_low"] < summary["auc"] < summary["auc_high"]
     assert summary["accuracy"] == right / 40
-    assert (summary["accuracy_low"], summary["accuracy_high"]) == wilson(right, 40)
+    trials = [f"{row['cell']}/{row['trial']}" for row in rows]
+    interval = share_interval(
+        [row["truth"] == row["verdict"] for row in rows], trials, np.random.default_rng(SHARE_SEED)
+    )
+    assert (summary["accuracy_low"], summary["accuracy_high"]) == interval
+
+
+def test_verdicts_of_one_trial_are_not_taken_for_independent() -> None:
+    rows = [{**row, "verdict": row["truth"] if row["trial"] < 8 else "neither"} for row in rows_of(12)]
+    summary = verdicts.summarise(rows, 5)["paper"]
+    low, high = wilson(16, 24)
+    assert summary["accuracy_low"] < low
+    assert summary["accuracy_high"] > high
 
 
 def test_each_student_has_a_summary_of_its_own() -> None:

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+from testbed.errors import UserError
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
 
@@ -37,7 +38,11 @@ class Executor(Protocol):
     """Computes jobs."""
 
     def run(self, jobs: Sequence[Job], compute: Compute, listener: Listener) -> None:
-        """Compute every job and return when each has finished or failed; leaves no process behind."""
+        """Compute every job and return when each has finished or failed; leaves no process behind.
+
+        Raises:
+            UserError: If a trial raised it. The mistake would meet every other trial too, so all computing stops.
+        """
 
 
 class InProcessExecutor:
@@ -52,6 +57,8 @@ class InProcessExecutor:
 
             try:
                 result = compute(job, progress)
+            except UserError:
+                raise
             except Exception as error:
                 listener.failed(job, summary(error), traceback.format_exc())
             else:

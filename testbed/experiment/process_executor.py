@@ -21,6 +21,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
+from testbed.errors import UserError
 from testbed.experiment.executor import Compute, Listener, summary
 from testbed.experiment.jobs import Job
 
@@ -115,7 +116,11 @@ def _ready(crew: Sequence[_Worker]) -> list[_Worker]:
 
 
 def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
-    """Hear one message; returns the job and the reason if the worker is lost."""
+    """Hear one message; returns the job and the reason if the worker is lost.
+
+    Raises:
+        UserError: If the trial raised it.
+    """
     job = worker.job
     assert job is not None  # only busy workers are listened to
     try:
@@ -129,6 +134,8 @@ def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
     worker.job = None
     if kind == "finished":
         listener.finished(job, *message)
+    elif kind == "mistaken":
+        raise message[0]
     else:
         listener.failed(job, *message)
     return None
@@ -169,6 +176,8 @@ def _work(pipe: Connection, compute: Compute) -> None:
 def _outcome(job: Job, compute: Compute, pipe: Connection) -> tuple[Any, ...]:
     try:
         return "finished", compute(job, _Reporter(pipe))
+    except UserError as error:
+        return "mistaken", error
     except Exception as error:
         return "failed", summary(error), traceback.format_exc()
 

@@ -4,6 +4,7 @@
 
     <scenario>-<hash8>/
         scenario.resolved.yaml     everything, defaults filled in
+        robots/                    copies of the robots that the scenario gives by path
         provenance.json            what computed it; written once
         trials/<cell>/<trial>.npz and .parquet
         verdicts.json  report.html  figures/  video/
@@ -26,12 +27,13 @@ from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import refused_writes_explained, sweep, write_text, write_whole
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
-from testbed.experiment.trial_files import DamagedError, decode, decode_rows, encode
-from testbed.scenario import Scenario, content_hash, load_scenario, resolve
+from testbed.experiment.trial_files import DamagedError, decode_rows, encode
+from testbed.scenario import Scenario, content_hash, load_scenario, resolve, with_robot_files
 
 _LOCK = ".lock"
 _SCENARIO = "scenario.resolved.yaml"
 _PROVENANCE = "provenance.json"
+_ROBOTS = "robots"
 _DAMAGED = ".damaged"
 Notice = Callable[[str], None]
 
@@ -71,7 +73,7 @@ class RunDirectory:
 
         Raises:
             UserError: If the place cannot be written, is in use by another process, holds a run of another
-                scenario, or is a folder of something else.
+                scenario, or is a folder of something else, or if two different robots' files have one name.
         """
         with refused_writes_explained(path):
             _refuse_foreign(path)
@@ -82,7 +84,7 @@ class RunDirectory:
             sweep(path)
             run = cls(path, scenario, content_hash(scenario))
             run._refuse_another_scenario()
-            _update(path / _SCENARIO, resolve(scenario))
+            _update(path / _SCENARIO, resolve(_with_robots_kept(scenario, path)).encode())
             if not (path / _PROVENANCE).exists():
                 record = {"scenario": scenario.name, "hash": run.hash8, **provenance()}
                 write_text(path / _PROVENANCE, json.dumps(record, indent=2) + "\n")
@@ -117,19 +119,12 @@ class RunDirectory:
         """Whether the trial's table is there; says nothing of whether it is whole."""
         return self._file(job, ".parquet").is_file()
 
-    def read_trial(self, job: Job) -> TrialResult:
-        """A finished trial, rows and arrays, checked.
+    def read_rows(self, job: Job) -> tuple[dict[str, Any], ...]:
+        """The rows of a finished trial, checked, without its arrays.
 
         Raises:
-            UserError: If it is missing or damaged.
+            UserError: If its table is missing or damaged.
         """
-        try:
-            return decode(self._read(job, ".npz"), self._read(job, ".parquet"))
-        except DamagedError as error:
-            raise self._unreadable(job, error) from error
-
-    def read_rows(self, job: Job) -> tuple[dict[str, Any], ...]:
-        """The rows of a finished trial, without its arrays; raises like :meth:`read_trial`."""
         try:
             return decode_rows(self._read(job, ".parquet"))
         except DamagedError as error:
@@ -215,9 +210,25 @@ def _take(lock: IO[str], path: Path) -> None:
         ) from error
 
 
-def _update(path: Path, text: str) -> None:
-    if not path.is_file() or path.read_bytes() != text.encode():
-        write_text(path, text)
+def _with_robots_kept(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with copies of its robots' files, so that the folder means the same wherever it goes."""
+    kept: dict[str, bytes] = {}
+
+    def keep(robot: str) -> str:
+        name, contents = Path(robot).name, Path(robot).read_bytes()
+        if kept.setdefault(name, contents) != contents:
+            raise UserError(f"two different robots are in files named '{name}'", "rename one of the files")
+        return f"{_ROBOTS}/{name}"
+
+    relative = with_robot_files(scenario, keep)
+    for name, contents in kept.items():
+        _update(folder / _ROBOTS / name, contents)
+    return relative
+
+
+def _update(path: Path, contents: bytes) -> None:
+    if not path.is_file() or path.read_bytes() != contents:
+        write_whole(path, lambda file: _write(file, contents))
 
 
 def _provenance(path: Path) -> dict[str, Any]:

@@ -88,7 +88,8 @@ def run(
         compute: Computes one trial; the student's whole life by default.
 
     Raises:
-        UserError: If the run directory cannot be used, or the disk fills up. Finished trials are kept.
+        UserError: If the run directory cannot be used, the disk fills up, or a trial meets a mistake of the user's,
+            which every other trial would meet as well. Finished trials are kept.
     """
     display = display or Quiet()
     compute = compute or functools.partial(live, scenario)

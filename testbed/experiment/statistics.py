@@ -16,6 +16,8 @@ from scipy import stats
 
 Vector = NDArray[np.float64]
 RESAMPLES = 4000
+SHARE_SEED = 0x5A4E
+"""Seeds the interval of the share of right verdicts, so that every page and file tells the same one."""
 
 
 class Interval(NamedTuple):
@@ -126,6 +128,43 @@ def auc_interval(
     if high - low < 1e-12:
         low, high = _wilson(area, count, float(stats.norm.ppf(0.5 + confidence / 2)))
     return Interval(low, high)
+
+
+def share_interval(
+    right: ArrayLike,
+    trials: Sequence[Any] | NDArray[Any],
+    rng: np.random.Generator,
+    *,
+    confidence: float = 0.95,
+    resamples: int = RESAMPLES,
+) -> Interval:
+    """Bootstrap interval of a share over trials: verdicts of a trial share a student and are no independent evidence.
+
+    With a single trial, or where every trial has the same share, the bootstrap has no width; Wilson's interval over
+    the verdicts then stands in.
+
+    Args:
+        right: (n,) truth values, at least one.
+        trials: (n,) which trial a value belongs to.
+        rng: Source of the resamples.
+        confidence: Coverage.
+        resamples: How many.
+
+    Raises:
+        ValueError: If the lengths differ or there is no value.
+    """
+    values = np.asarray(right, dtype=bool).ravel()
+    names, trial = np.unique(np.asarray(trials), return_inverse=True)
+    if values.shape != trial.shape:
+        raise ValueError("values and trials must have the same number")
+    count = len(names)
+    if count > 1:
+        hits, sizes = np.bincount(trial, values), np.bincount(trial)
+        drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
+        low, high = _quantiles((drawn @ hits) / (drawn @ sizes), confidence)
+        if high - low > 1e-12:
+            return Interval(low, high)
+    return wilson(int(values.sum()), values.size, confidence)
 
 
 def paired_test(start: ArrayLike, end: ArrayLike, rng: np.random.Generator) -> PairedTest:

@@ -12,12 +12,12 @@ Arrays of a trial, by name (T is a teacher such as ``teacher_0``; k parts, P pas
 ``T/candidate_bearing``        ()              rad, where the student saw it
 ``T/look_steps``               (3,)            the student's action count at each image pair
 ``T/images``                   (3, 2, 75, 100) luminosity
-``T/model_history``            (P, k, 8)       the better model after each pass, Eq. 2
+``T/model_history``            (P+1, k, 8)     the best model at random start and after each pass, Eq. 2
 ``T/model_error``              (P, 2)          Eq. 4 of both models
 ``T/pixels``                   (P, 2, 2)       pixel (u, v) learnt by the left and by the right camera
-``T/model_position_error``     (P,)            m, objective
-``T/model_roll_error``         (P,)            rad, objective
-``T/model_overlap``            (P,)            objective, see :func:`~testbed.experiment.truth.overlap`
+``T/model_position_error``     (P+1,)          m, objective
+``T/model_roll_error``         (P+1,)          rad, objective
+``T/model_overlap``            (P+1,)          objective, see :func:`~testbed.experiment.truth.overlap`
 ``T/truth_parts``              (3, n, 8)       the true parts at each look, rig frame
 ``T/controller_weights``       (I+1, 2, k)     the parent network after each iteration
 ``T/controller_error``         (I+1,)          Eq. 5, rad
@@ -30,6 +30,7 @@ Arrays of a trial, by name (T is a teacher such as ``teacher_0``; k parts, P pas
 ``perform/path``               (steps+1, 3)    m, the student's main body
 ``truth/A/base``, ``joints``   (t, 7), (t, n)  every agent's state at the start and after each step: m, quaternion; rad
 ``time/control_step``          ()              s
+``time/exposed``               (t,)            index of the state that the newest stereo pair shows
 =============================  ==============  ==================================================================
 """
 
@@ -41,6 +42,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from testbed.experiment import truth
@@ -51,7 +53,7 @@ from testbed.student.agent import Candidate, Life, PaperStudent, Progress, Sense
 from testbed.student.self_model import BodyPrior, self_model, true_genome
 from testbed.vision.camera import StereoRig
 from testbed.vision.primitives import OMEGA
-from testbed.world.bullet import SimulatedBackend, physics_of
+from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
 from testbed.world.gaits import scripted_policy
 from testbed.world.placement import STUDENT, teacher_names
@@ -120,7 +122,6 @@ def _student(
         pan_limit=math.radians(rig.pan_limit_deg),
         pan_speed=math.radians(rig.pan_speed_deg),
         control_step=scenario.world.control_step,
-        physics=physics_of(scenario),
     )
     return PaperStudent(BodyPrior.of(body), senses, scenario.student.parameters, seeds, progress)
 
@@ -135,19 +136,21 @@ def live(world: World, backend: SimulatedBackend, student: PaperStudent, seed: i
     observations, _ = world.reset(seed=seed)
     # What the student senses at its n-th action is the state with index n - 1.
     states: dict[str, list[tuple[Vector, Vector]]] = {name: [backend.state(name)] for name in backend.robots}
+    exposed = [backend.exposed]
     while world.agents and not student.done:
         actions: Arrays = {name: policy.act(observations[name]) for name, policy in policies.items()}
         actions[STUDENT] = student.act(observations[STUDENT])
         observations, *_ = world.step(actions)
         for name, states_of in states.items():
             states_of.append(backend.state(name))
+        exposed.append(backend.exposed)
     if not student.done:
         raise world.scenario.source.error(
             ("world", "max_cycles"),
             f"the student was not done after world.max_cycles = {world.scenario.world.max_cycles} steps",
-            "give it more; a life takes some 150 steps a command, 100 a teacher and 240 to imitate",
+            "give it more; with the default parameters a life takes some 3000",
         )
-    log: Arrays = {"time/control_step": np.array(control_step)}
+    log: Arrays = {"time/control_step": np.array(control_step), "time/exposed": np.array(exposed)}
     for name, states_of in states.items():
         log[f"truth/{name}/base"] = np.array([base for base, _ in states_of])
         log[f"truth/{name}/joints"] = np.array([joints for _, joints in states_of])
@@ -167,7 +170,7 @@ def report_trial(
             "cell": "default",
             "student": scenario.student.method,
             "teacher": name,
-            "robot": scenario.teachers[index].robot,
+            "robot": bodies[name].name,
             "truth": _truth(scenario, index, bodies),
             "verdict": "inappropriate",
             "score": None,
@@ -192,14 +195,19 @@ def report_trial(
 
 
 def match(candidates: tuple[Candidate, ...], scenario: Scenario) -> dict[str, int]:
-    """Which candidate is which teacher: for each teacher the candidate seen nearest to its bearing, if near."""
-    seen: dict[str, int] = {}
-    for name, teacher in zip(teacher_names(scenario), scenario.teachers, strict=True):
-        bearing = math.radians(teacher.bearing_deg)
-        gaps = [abs(candidate.bearing - bearing) for candidate in candidates]
-        if gaps and min(gaps) < _MISSED_BY:
-            seen[name] = int(np.argmin(gaps))
-    return seen
+    """Which candidate is which teacher, one to one: together the bearings differ least, and no pair by much."""
+    gaps = np.array(
+        [
+            [
+                abs(math.remainder(candidate.bearing - math.radians(teacher.bearing_deg), math.tau))
+                for candidate in candidates
+            ]
+            for teacher in scenario.teachers
+        ]
+    ).reshape(len(scenario.teachers), len(candidates))
+    pairs = zip(*linear_sum_assignment(gaps), strict=True)
+    names = teacher_names(scenario)
+    return {names[teacher]: int(seen) for teacher, seen in pairs if gaps[teacher, seen] < _MISSED_BY}
 
 
 def _truth(scenario: Scenario, index: int, bodies: Mapping[str, Morphology]) -> str:
@@ -210,12 +218,11 @@ def _truth(scenario: Scenario, index: int, bodies: Mapping[str, Morphology]) -> 
 
 def _self_arrays(life: Life, body: Morphology) -> Arrays:
     record, prior = life.self_discovery, BodyPrior.of(body)
-    true = self_model(prior, true_genome(body))
     return {
         "self/genome": record.genomes,
         "self/error": record.errors,
         "self/objective": np.array(
-            [truth.self_model_error(self_model(prior, genome), true) for genome in record.genomes]
+            [truth.self_model_error(self_model(prior, genome), body) for genome in record.genomes]
         ),
         "self/commands": record.commands,
         "self/tilt": record.tilt,
@@ -240,17 +247,18 @@ def _candidate_arrays(
     model, imitation = candidate.model, candidate.imitation
     passes, looks = len(model.error), len(candidate.look_steps)
     after_each_pass = model.history[len(model.history) // passes - 1 :: len(model.history) // passes]
+    beliefs = np.concatenate([model.initial[None], after_each_pass])
     base, joints = log[f"truth/{name}/base"], log[f"truth/{name}/joints"]
     true_parts = np.array(
         [
             truth.parts_in_view(
-                body, base[step - 1], joints[step - 1], eye_height=scenario.rig.height, pan=candidate.bearing
+                body, base[shown], joints[shown], eye_height=scenario.rig.height, pan=candidate.bearing
             )
-            for step in candidate.look_steps
+            for shown in log["time/exposed"][np.array(candidate.look_steps) - 1]
         ]
     )
-    true_then = [true_parts[number * looks // passes] for number in range(passes)]
-    pairs = list(zip(after_each_pass, true_then, strict=True))
+    true_then = [true_parts[max(number - 1, 0) * looks // passes] for number in range(passes + 1)]
+    pairs = list(zip(beliefs, true_then, strict=True))
     errors = np.array([truth.teacher_model_error(parts, true) for parts, true in pairs])
     rig = rig_of(scenario)
     middle = len(imitation.errors) // 2
@@ -258,7 +266,7 @@ def _candidate_arrays(
         "candidate_bearing": np.array(candidate.bearing),
         "look_steps": np.array(candidate.look_steps),
         "images": model.images,
-        "model_history": after_each_pass,
+        "model_history": beliefs,
         "model_error": model.error,
         "pixels": model.pixels,
         "model_position_error": errors[:, 0],

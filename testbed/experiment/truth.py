@@ -26,7 +26,7 @@ _POSTURES = np.radians(list(itertools.product((-60.0, 0.0, 60.0), repeat=2)))
 def is_like(student: Morphology, teacher: Morphology) -> bool:
     """Whether a teacher is appropriate: the same parts joined in the same way, whatever its size.
 
-    Parts are compared by their place in the tree and their shape; mounting angles must agree within a degree.
+    Parts are compared by their place in the tree and their shape, mounting angles after rounding to a degree.
     """
     return _plan(student) == _plan(teacher)
 

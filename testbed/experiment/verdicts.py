@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from testbed.experiment.atomic import write_text
-from testbed.experiment.statistics import Interval, auc, auc_interval, wilson
+from testbed.experiment.statistics import SHARE_SEED, Interval, auc, auc_interval, share_interval
 
 FILE = "verdicts.json"
 _FIRST = (
@@ -44,7 +44,7 @@ def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
     Returns:
         For each student: ``n`` verdicts and ``trials``; ``auc`` with its interval over trials (None where it
         cannot be told, rows without a score left out); ``accuracy``, the share of right verdicts, with its
-        Wilson interval; ``found``, how many candidates the student found by itself.
+        interval over trials; ``found``, how many candidates the student found by itself.
     """
     students = dict.fromkeys(str(row["student"]) for row in rows)
     return {
@@ -88,20 +88,22 @@ def _summary(rows: Sequence[Row], seed: int) -> dict[str, Any]:
     scored = [row for row in rows if _is_number(row["score"])]
     scores = np.array([float(row["score"]) for row in scored])
     positive = np.array([row["truth"] == "appropriate" for row in scored], dtype=bool)
-    trials = [f"{row['cell']}/{row['trial']}" for row in scored]
     area = auc(scores, positive)
-    spread = auc_interval(scores, positive, trials, np.random.default_rng([_BOOTSTRAP, seed]))
-    right = sum(row["verdict"] == row["truth"] for row in rows)
-    share = wilson(right, len(rows))
+    spread = auc_interval(scores, positive, _trials(scored), np.random.default_rng([_BOOTSTRAP, seed]))
+    right = [row["verdict"] == row["truth"] for row in rows]
     return {
         "n": len(rows),
         "trials": len({(row["cell"], row["trial"]) for row in rows}),
         "auc": area,
         **_named("auc", spread),
-        "accuracy": right / len(rows),
-        **_named("accuracy", share),
+        "accuracy": sum(right) / len(rows),
+        **_named("accuracy", share_interval(right, _trials(rows), np.random.default_rng(SHARE_SEED))),
         "found": sum(bool(row["found"]) for row in rows),
     }
+
+
+def _trials(rows: Sequence[Row]) -> list[str]:
+    return [f"{row['cell']}/{row['trial']}" for row in rows]
 
 
 def _named(name: str, interval: Interval | None) -> dict[str, float | None]:

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from testbed.experiment.statistics import PairedTest, wilson
+from testbed.experiment.statistics import PairedTest
 from testbed.report.reading import APPROPRIATE, INAPPROPRIATE, Row
-from testbed.report.series import start_end
+from testbed.report.series import right_verdicts, start_end
 
 Outcome = Literal["reproduced", "not reproduced", "cannot tell"]
 
@@ -106,8 +106,8 @@ def _flat(claim: str, test: PairedTest | None, unit: str) -> Claim:
 
 def _better_than_chance(rows: Sequence[Row]) -> Claim:
     claim = "The student tells appropriate from inappropriate teachers."
-    right, n = sum(row["verdict"] == row["truth"] for row in rows), len(rows)
-    low, high = wilson(right, n)
+    right, (low, high) = right_verdicts(rows)
+    n = len(rows)
     finding = (
         f"{right} of {n} verdicts were right: {right / n:.0%}, interval {low:.0%} to {high:.0%}; a coin: 50%."
     )

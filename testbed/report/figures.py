@@ -71,7 +71,7 @@ def figure_7(
     ):
         if series is not None:
             _curve(axes, series, OF_TRUTH[truth])
-            _mark_image_pairs(axes, _image_pairs(trials), len(series.steps))
+            _mark_image_pairs(axes, _image_pairs(trials), len(series.steps) - 1)
             _finish(axes, series, "pass", label)
     panels[1].set_ylim(0, 1)
     return figure

@@ -73,7 +73,7 @@ def pose_picture(trial: Trial, teacher: str, student: Morphology) -> Figure | No
     for part, chosen in enumerate(order):
         colours[chosen] = OF_PART[part % len(OF_PART)]
     truth = trial.array(f"{teacher}/truth_parts")
-    models = [history[min(len(history) - 1, int((i + 1) * len(history) / samples) - 1)] for i in instants]
+    models = [history[int((i + 1) * (len(history) - 1) / samples)] for i in instants]
     rows = [("teacher,\nas imagined", models, [colour or MUTED for colour in colours])]
     for stage, name in enumerate(("start", "middle", "end")):
         poses = [sticks(body, responses[stage, i]) for i in instants]

@@ -14,6 +14,7 @@ from testbed.report import html, story
 from testbed.report.claims import FEWEST, FLAT, claims
 from testbed.report.desk import Desk
 from testbed.report.reading import Row, Trial, read_run
+from testbed.report.series import right_verdicts
 from testbed.report.words import explanation, headline, summary_facts
 
 _FEW = 8  # a table of so many rows needs no unfolding
@@ -137,13 +138,10 @@ def _verdict(row: Row) -> str:
 
 
 def _cell_table(desk: Desk) -> str:
-    from testbed.experiment.statistics import wilson
-
     body = []
     for cell in desk.run.cells:
         rows = [row for row in desk.run.rows if row["cell"] == cell]
-        right = sum(row["truth"] == row["verdict"] for row in rows)
-        low, high = wilson(right, len(rows))
+        right, (low, high) = right_verdicts(rows)
         body.append([html.text(cell), str(len(rows)), f"{right / len(rows):.0%}", f"{low:.0%} to {high:.0%}"])
     note = f"<p>Figures and claims below are about the cell <em>{html.text(desk.cell)}</em>.</p>"
     return html.table(["cell", "verdicts", "right", "95% interval"], body) + note

@@ -1,4 +1,4 @@
-"""Pictures of single things: a robot, a teacher model beside what was seen, a self-model beside the true body."""
+"""A robot in pictures."""
 
 from __future__ import annotations
 
@@ -9,13 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbed.morphology import Cuboid, Morphology, Part, Vector
-from testbed.report.bodies import genome_text
 from testbed.report.drawing import OBLIQUE, SIDE, TOP, View, draw_body, extent, flat_on_ground, frame, tilted
-from testbed.report.reading import Array
-from testbed.report.seen import draw_image, draw_outlines
 from testbed.report.style import INK, MUTED, PAPER, stacked, styled, svg
-from testbed.student.self_model import BodyPrior, self_model
-from testbed.vision import StereoRig, render
 
 _BAR = 0.10  # metres
 
@@ -61,45 +56,6 @@ def robot_picture(morphology: Morphology, path: Path | str) -> Path:
     else:
         figure.savefig(target, dpi=160)
     return target
-
-
-@styled
-def model_picture(
-    model: Array, image: Array, rig: StereoRig | None = None, *, truth: Array | None = None
-) -> Figure:
-    """What the student sees beside what it imagines, both through its left eye.
-
-    Args:
-        model: (k, 8) the teacher model.
-        image: (75, 100) the left image.
-        rig: The student's eyes.
-        truth: (n, 8) the true parts, whose outlines are drawn over the model.
-    """
-    eyes = rig or StereoRig()
-    figure = Figure(figsize=(6.4, 2.7), layout="constrained")
-    seen, imagined = figure.subplots(1, 2)
-    draw_image(seen, image)
-    draw_image(imagined, render(model, eyes)[0])
-    if truth is not None:
-        draw_outlines(imagined, truth, eyes)
-    seen.set_title("seen", loc="center")
-    imagined.set_title("imagined", loc="center")
-    return figure
-
-
-@styled
-def self_model_picture(genome: Array, student: Morphology) -> Figure:
-    """A self-model (alpha, lambda, beta) beside the true body, from above and from the side."""
-    figure = Figure(figsize=(7.4, 3.2), layout="constrained")
-    bodies = ((genome_text(genome), self_model(BodyPrior.of(student), genome)), ("true body", student))
-    panels = figure.subplots(2, 2, height_ratios=[2, 1])
-    for column, (title, body) in enumerate(bodies):
-        flat = flat_on_ground(body)
-        for axes, view in zip(panels[:, column], (TOP, SIDE), strict=True):
-            draw_body(axes, body, flat, view)
-            frame(axes, extent(body, flat, view))
-        panels[0, column].set_title(title, loc="center")
-    return figure
 
 
 def _postures(morphology: Morphology) -> tuple[Vector, Vector]:

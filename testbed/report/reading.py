@@ -97,6 +97,9 @@ def read_run(directory: Path) -> RunRecord:
     if not rows:
         raise UserError("this run has no finished trial", "run its scenario first", file=directory)
     scenario = yaml.safe_load(_text(directory / "scenario.resolved.yaml"))
+    for owner in (scenario["student"], *scenario["teachers"]):
+        if "/" in owner["robot"]:  # a file kept in the run directory, not a name
+            owner["robot"] = str(directory / owner["robot"])
     return RunRecord(
         directory=directory,
         name=str(verdicts["scenario"]),

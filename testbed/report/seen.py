@@ -56,15 +56,21 @@ def draw_imagined(
     """A row of images: the model at random start and at the end of each image pair, true outlines over it."""
     rig = rig or StereoRig()
     pairs = len(arrays["images"])
-    passes = len(arrays["model_history"])
-    moments = [0, *(passes * (pair + 1) // pairs - 1 for pair in range(pairs))]
+    moments = moments_of(len(arrays["model_history"]) - 1, pairs)
     panels = list(np.atleast_1d(figure.subplots(1, len(moments))))
-    for axes, moment in zip(panels, moments, strict=True):
+    for number, (axes, moment) in enumerate(zip(panels, moments, strict=True)):
         draw_image(axes, render(arrays["model_history"][moment], rig)[LEFT])
-        pair = min(moment * pairs // passes, pairs - 1)
-        draw_outlines(axes, arrays["truth_parts"][pair], rig)
-        axes.set_title(f"pass {moment + 1}" if moment else "start", loc="center", fontsize=9, pad=3)
+        draw_outlines(axes, arrays["truth_parts"][max(number - 1, 0)], rig)
+        axes.set_title(f"pass {moment}" if moment else "start", loc="center", fontsize=9, pad=3)
     return panels
+
+
+def moments_of(passes: int, pairs: int) -> list[int]:
+    """After how many passes the student has done with no image pair, with the first, with the second, and so on.
+
+    Row p of a model's history is the model after p passes; row 0 is the random start.
+    """
+    return [-(-passes * pair // pairs) for pair in range(pairs + 1)]
 
 
 @styled
@@ -75,11 +81,12 @@ def teacher_model_picture(trial: Trial, teacher: str, rig: StereoRig | None = No
         return None
     figure = Figure(figsize=(7.4, 3.2), layout="constrained")
     top, bottom = stacked(figure, 1.0, 1.0)
-    pairs, passes = len(arrays["images"]), len(arrays["model_history"])
+    pairs = len(arrays["images"])
+    moments = moments_of(len(arrays["pixels"]), pairs)
     panels = list(top.subplots(1, pairs + 1))
     _key(panels[0])
     for pair, axes in enumerate(panels[1:]):
-        asked = arrays["pixels"][passes * pair // pairs : passes * (pair + 1) // pairs, LEFT].astype(int)
+        asked = arrays["pixels"][moments[pair] : moments[pair + 1], LEFT].astype(int)
         draw_image(axes, _with_asked(arrays["images"][pair, LEFT], asked))
         axes.set_title(f"image pair {pair + 1}, left", loc="center", fontsize=9, pad=3)
     draw_imagined(bottom, arrays, rig)

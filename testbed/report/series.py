@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.experiment.statistics import PairedTest, mean_sem, paired_test
+from testbed.experiment.statistics import (
+    SHARE_SEED,
+    Interval,
+    PairedTest,
+    mean_sem,
+    paired_test,
+    share_interval,
+)
 from testbed.report.reading import TRUTHS, Array, Row, Trial
 
 _BOOTSTRAP_SEED = 0  # the page must not change when it is made again
@@ -57,7 +64,8 @@ def teacher_series(trials: Sequence[Trial], truth: str, name: str) -> Series | N
 def _teacher_mean(trial: Trial, truth: str, name: str) -> Array | None:
     own = [row["teacher"] for row in trial.rows if row["truth"] == truth]
     found = [array for teacher in own if (array := trial.array(f"{teacher}/{name}")) is not None]
-    return np.mean([_last_axis_mean(array) for array in found], axis=0) if found else None
+    means = [mean for array in found if np.all(np.isfinite(mean := _last_axis_mean(array)))]
+    return np.mean(means, axis=0) if means else None
 
 
 def _last_axis_mean(array: Array) -> Array:
@@ -70,6 +78,13 @@ def _series(curves: Iterable[Array | None]) -> Series | None:
         return None
     steps = min(len(curve) for curve in usable)
     return Series(np.stack([curve[:steps] for curve in usable]))
+
+
+def right_verdicts(rows: Sequence[Row]) -> tuple[int, Interval]:
+    """How many verdicts were right, and the 95% interval of their share over trials."""
+    right = [row["verdict"] == row["truth"] for row in rows]
+    trials = [f"{row['cell']}/{row['trial']}" for row in rows]
+    return sum(right), share_interval(right, trials, np.random.default_rng(SHARE_SEED))
 
 
 def start_end(rows: Iterable[Row], start: str, end: str, truth: str | None = None) -> PairedTest | None:

@@ -48,10 +48,7 @@ def self_discovery(desk: Desk, sample: Trial) -> str:
 
 def teacher_modelling(desk: Desk, sample: Trial) -> str:
     """Section 3.3 of the paper: Figs. 4 and 7."""
-    lead = (
-        "The student looks at each candidate three times and imagines bodies of three parts, until it finds one "
-        "that would darken the pixels it has asked for."
-    )
+    lead = _modelling_lead(sample)
     parts = []
     for row in sample.rows:
         drawing = teacher_model_picture(sample, row["teacher"], desk.rig) if row["found"] else None
@@ -170,6 +167,27 @@ def verdict_scores(desk: Desk) -> str:
         "Scores of the teachers by what they truly are",
         "Each dot is a teacher in a trial. The further right, the more like itself the student thought it.",
     )
+
+
+def _modelling_lead(sample: Trial) -> str:
+    """What the student does with a candidate, with the numbers of this trial where it found one."""
+    times, parts = "", "parts"
+    for row in sample.rows:
+        looks = sample.array(f"{row['teacher']}/look_steps")
+        history = sample.array(f"{row['teacher']}/model_history")
+        if looks is not None and history is not None:
+            times = " once" if len(looks) == 1 else f" {_word(len(looks))} times"
+            parts = f"{_word(history.shape[1])} part{'' if history.shape[1] == 1 else 's'}"
+            break
+    return (
+        f"The student looks at each candidate{times} and imagines bodies of {parts}, until it finds one that would "
+        "darken the pixels it has asked for."
+    )
+
+
+def _word(number: int) -> str:
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+    return words[number] if number < len(words) else str(number)
 
 
 def _heading(row: Row) -> str:

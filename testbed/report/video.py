@@ -5,6 +5,7 @@ H.264 in mp4, which every browser plays, by the ffmpeg that the package imageio-
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import numpy as np
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
 
+from testbed.errors import UserError
 from testbed.experiment.atomic import write_whole
 from testbed.morphology import Morphology, Vector
 from testbed.report.film import Camera, Colour, Frame, floor, paint
@@ -27,6 +29,7 @@ PANE = (400, 300)
 RATE = 30
 _SHARPNESS = 2  # pictures are painted this many times larger, then averaged
 _LONGEST = 20.0  # seconds
+_ROUNDING = 1e-3  # of a step or frame: a control step written as 0.01667 is still half a frame
 _BODY = {INK: "#5d6a78"}  # a body in the colour of ink would show no shading
 
 
@@ -59,7 +62,9 @@ def panes(trial: Trial) -> tuple[Pane, ...]:
             Pane("student", "the student imitates", INK, int(start) - 1, int(steps)),
         )
     found = [row for row in trial.rows if row["found"]]
-    return tuple(_demonstration(trial, row, "is watched", round(_LONGEST * 60)) for row in found[:2])
+    return tuple(
+        _demonstration(trial, row, "is watched", round(_LONGEST / _control_step(trial))) for row in found[:2]
+    )
 
 
 def write_video(trial: Trial, bodies: Mapping[str, Morphology], path: Path) -> tuple[Path, Frame] | None:
@@ -112,15 +117,29 @@ def _write_all(file: IO[bytes], contents: bytes) -> None:
     file.write(contents)
 
 
-def stride_of(trial: Trial) -> int:
-    """Every how many control steps there is a frame."""
-    step = trial.array("time/control_step")
-    return 2 if step is None else max(1, round(1 / (RATE * float(step))))
+def stride_of(trial: Trial) -> float:
+    """How many control steps pass from one frame to the next; below 1 where steps are longer than frames."""
+    return 1 / (RATE * _control_step(trial))
 
 
-def frame_count(shown: tuple[Pane, ...], stride: int) -> int:
+def frame_count(shown: tuple[Pane, ...], stride: float) -> int:
     """How many frames the video has: as many as the longest pane needs; the shorter stands still at its end."""
-    return min(max(-(-pane.count // stride) for pane in shown), round(_LONGEST * RATE))
+    longest = max(_frames(pane.count, stride) for pane in shown)
+    return min(longest, round(_LONGEST * RATE))
+
+
+def _frames(states: int, stride: float) -> int:
+    return math.ceil(states / stride - _ROUNDING)
+
+
+def _control_step(trial: Trial) -> float:
+    """Seconds from one recorded state to the next."""
+    step = trial.array("time/control_step")
+    if step is None:
+        raise UserError(
+            f"trial {trial.number} does not tell its control step", "run the scenario again", file=trial.path
+        )
+    return float(step)
 
 
 def _demonstration(trial: Trial, row: Row, does: str, steps: int) -> Pane:
@@ -134,14 +153,15 @@ def _demonstration(trial: Trial, row: Row, does: str, steps: int) -> Pane:
     return Pane(row["teacher"], f"{row['teacher']} ({row['robot']}) {does}", colour, first, count)
 
 
-def _film(pane: Pane, body: Morphology, base: Array, joints: Array, stride: int) -> Iterator[Frame]:
+def _film(pane: Pane, body: Morphology, base: Array, joints: Array, stride: float) -> Iterator[Frame]:
     """Frames without end: after its last moment the agent stands still."""
     base, joints = (states[pane.first : pane.first + pane.count] for states in (base, joints))
     camera = Camera.watching(body, base, (PANE[0] * _SHARPNESS, PANE[1] * _SHARPNESS))
     empty = floor(camera)
     colour = _rgb(_BODY.get(pane.colour, pane.colour))
     frame = empty
-    for index in range(0, len(base), stride):
+    for number in range(_frames(len(base), stride)):
+        index = min(int(number * stride + _ROUNDING), len(base) - 1)
         image = empty.copy()
         paint(image, camera, body, _poses(body, base[index], joints[index]), colour)
         frame = _captioned(np.asarray(cv2.resize(image, PANE, interpolation=cv2.INTER_AREA), np.uint8), pane)

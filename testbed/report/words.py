@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.experiment.statistics import wilson
 from testbed.report.reading import Row
+from testbed.report.series import right_verdicts
 
 _NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
 
@@ -16,8 +16,8 @@ def headline(rows: Sequence[Row]) -> str:
     trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
     if len(trials) == 1:
         return _one_trial(rows)
-    right, n = sum(row["truth"] == row["verdict"] for row in rows), len(rows)
-    low, high = wilson(right, n)
+    right, (low, high) = right_verdicts(rows)
+    n = len(rows)
     known = (
         "better than a coin" if low > 0.5 else "worse than a coin" if high < 0.5 else "no better than a coin"
     )

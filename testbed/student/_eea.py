@@ -43,7 +43,8 @@ class Memory(NamedTuple):
 class Trace(NamedTuple):
     """What a block of passes leaves behind."""
 
-    history: NDArray[np.float64]  # (passes * iterations, k, 8)
+    histories: NDArray[np.float64]  # (passes * iterations, 2 models, k, 8)
+    better: NDArray[np.uint8]  # (passes * iterations,): which of the two has the lower error
     error: NDArray[np.float64]  # (passes, 2 models)
     pixels: NDArray[np.int64]  # (passes, 2 cameras)
     disagreed: NDArray[np.bool_]  # (passes, 2 cameras)
@@ -231,7 +232,10 @@ def run_passes(
                 mutate(child, touched, draws, t, step, m, rules)
                 rows, sums = memory.rows[m], memory.sums[m]
                 _estimate(models[m], child, touched, memory, rows, sums, fresh, filled, view.eyes)
-            better = 0 if error_of(memory.sums[0], filled) <= error_of(memory.sums[1], filled) else 1
-            _copy(models[better], trace.history[t * iterations + step])
+            now = t * iterations + step
+            for m in range(2):
+                _copy(models[m], trace.histories[now, m])
+            a_is_better = error_of(memory.sums[0], filled) <= error_of(memory.sums[1], filled)
+            trace.better[now] = 0 if a_is_better else 1
         for m in range(2):
             trace.error[t, m] = error_of(memory.sums[m], filled)

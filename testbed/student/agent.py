@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.morphology import Vector
-from testbed.physics import PhysicsSpec
 from testbed.student.imagination import Imagination
 from testbed.student.imitation import ImitationRecord, evolve_controller
 from testbed.student.parameters import PaperParameters
@@ -43,14 +42,12 @@ class Senses:
         pan_limit: How far the rig turns to either side, rad.
         pan_speed: How fast it turns, rad/s.
         control_step: Seconds between two actions.
-        physics: The physics that it imagines with.
     """
 
     rig: StereoRig
     pan_limit: float
     pan_speed: float
     control_step: float
-    physics: PhysicsSpec
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,7 @@ class PaperStudent:
 
     def _live(self) -> Generator[NDArray[np.float32], Observation, Life]:
         (babbling,) = self._seeds.spawn(1)
-        with Imagination(self._senses.physics, self._senses.control_step) as imagination:
+        with Imagination(self._parameters.imagination, self._senses.control_step) as imagination:
             self_record = yield from self._discover_itself(imagination, np.random.default_rng(babbling))
             body = self_model(self._prior, self_record.genome)
 
@@ -189,7 +186,7 @@ class PaperStudent:
     def _look_around(self) -> Generator[NDArray[np.float32], Observation, list[float]]:
         """Sweep the rig from left to right and note where something stands out from the light background."""
         looking, limit = self._parameters.looking, self._senses.pan_limit
-        stops = max(2, math.ceil(2 * limit / math.radians(looking.sweep_step_deg)) + 1)
+        stops = max(2, math.ceil(2 * limit / (looking.sweep_step * self._senses.rig.field_of_view)) + 1)
         views = []
         for pan in np.linspace(-limit, limit, stops):
             seen = yield from self._turn(float(pan), looking.dwell_time)

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbed.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation
+from testbed.student.parameters import ImaginationParameters
 
 _BODY = "self"
 
@@ -16,14 +17,17 @@ class Imagination:
     """A simulation of its own in which the student lets self-models act. A context manager.
 
     Args:
-        physics: The physics that the student believes in.
-        control_step: Seconds between two motor commands.
+        believed: The physics that the student believes in.
+        control_step: Seconds between two motor commands; a whole number of physics steps is fitted into it.
     """
 
-    def __init__(self, physics: PhysicsSpec, control_step: float) -> None:
+    def __init__(self, believed: ImaginationParameters, control_step: float) -> None:
+        self._substeps = max(1, round(control_step / believed.physics_step))
+        self._step = control_step / self._substeps
+        physics = PhysicsSpec(
+            step=self._step, gravity=believed.gravity, ground_friction=believed.ground_friction
+        )
         self._simulation = Simulation(physics)
-        self._substeps = round(control_step / physics.step)
-        self._step = physics.step
 
     def __enter__(self) -> Self:
         return self

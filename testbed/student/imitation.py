@@ -100,7 +100,8 @@ def evolve_controller(
     """
     right, places = view_of(body)
     rolls = read_rolls(history[:, :, OMEGA], parameters.roll_reading)
-    order = correspondence(places, history[:, :, [X, Y]].mean(axis=0))
+    theirs = history[:, :, [X, Y]]
+    order = correspondence(places, theirs[-1] if parameters.positions == "last" else theirs.mean(axis=0))
     limits, shape = body.limits, (len(body.joints), rolls.shape[1])
 
     with imagination.imagine(body) as rehearsal:

@@ -1,4 +1,7 @@
-"""The hill climber that all three phases of the paper share (Sections 3.2.3, 3.3.3 and 3.4.2)."""
+"""The hill climber of self-discovery and imitation (Sections 3.2.3 and 3.4.2).
+
+Teacher modelling climbs likewise (Section 3.3.3), in a compiled loop of its own.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,10 @@ from testbed.morphology import Vector
 class HillClimber:
     """One parent, one child: the child that is strictly better takes the parent's place.
 
-    Ask for a child, evaluate it as you like, tell its error::
+    Mutate the parent and evaluate the child as you like, then tell its error::
 
         climber = HillClimber(start, error_of(start))
-        child = climber.ask(mutate)
+        child = mutate(climber.parent)
         climber.tell(child, error_of(child))
 
     Attributes:

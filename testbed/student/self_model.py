@@ -19,7 +19,7 @@ MAIN, LIMBS, HINGES = "main", ("limb_a", "limb_b"), ("joint_a", "joint_b")
 
 @dataclass(frozen=True)
 class BodyPrior:
-    """Assumptions 1 to 8 of Section 3.2: the parts with shape, size and density, and one motor for each limb.
+    """Assumptions 1 to 8 of Section 3.2: the parts with shape, size, density (and friction), a motor for each limb.
 
     Attributes:
         main: The main body.
@@ -44,7 +44,7 @@ class BodyPrior:
                 f"the student 'paper' has two joints, robot '{body.name}' has {len(joints)}",
                 mend="give the student a robot with two joints, such as crawler",
             )
-        unknown = {"parent": MAIN, "angle_deg": 0.0, "along": 1.0}
+        unknown = {"parent": MAIN, "angle_deg": 0.0, "along": 1.0, "height": 0.0}
         return cls(
             main=body.parts[body.root],
             limbs=tuple(body.parts[joint.child] for joint in joints),

@@ -8,7 +8,7 @@ The estimation-exploration algorithm keeps two models, A and B, each k primitive
   buffered pixels better (Eq. 4).
 
 After 1000 passes the student takes a new image pair; remembered pixels keep the labels of the image that they
-were taken from until they are overwritten. Three pairs make 3000 passes. The better model's parameters after each
+were taken from until they are overwritten. Three pairs make 3000 passes. The best model's parameters after each
 of the 24 000 iterations are the record that imitation (Section 3.4) reads: as the teacher moves, they change.
 
     modelling = Modelling(rig, parts=3, parameters=TeacherModellingParameters(), rng=np.random.default_rng(7))
@@ -35,7 +35,8 @@ from testbed.vision.primitives import COLUMNS, CUBOID, D1, OMEGA, SHAPE, X, Y, Z
 class TeacherRecord:
     """What modelling one candidate leaves behind; shorter if fewer image pairs were observed."""
 
-    history: NDArray[np.float64]  # (passes x iterations = 24 000, k, 8): the better of the two models
+    initial: NDArray[np.float64]  # (k, 8): the best model at random start
+    history: NDArray[np.float64]  # (passes x iterations = 24 000, k, 8): the best model, see `history_of`
     error: NDArray[np.float64]  # (passes, 2): Eq. 4 of A and B after each pass
     pixels: NDArray[np.int16]  # (passes, 2, 2): the pixel (u, v) learnt by the left and by the right camera
     disagreed: NDArray[np.bool_]  # (passes, 2): whether A and B disagreed on it (Eq. 3)
@@ -112,6 +113,7 @@ class Modelling:
             raise ValueError(f"a model needs at least one part, not {parts}")
         self.rig, self.parts, self.parameters = rig, parts, parameters
         self.models = random_models(2, parts, rig, parameters, rng)
+        self._initial = self.models.copy()
         self._rng = rng
         self._rays = rig.rays().astype(np.float32).reshape(-1, 2)
         self._order = np.arange(len(self._rays))
@@ -140,7 +142,8 @@ class Modelling:
         p = self.parameters
         passes, iterations = p.passes_per_image, p.estimation_iterations
         trace = _eea.Trace(
-            history=np.empty((passes * iterations, self.parts, len(COLUMNS))),
+            histories=np.empty((passes * iterations, 2, self.parts, len(COLUMNS))),
+            better=np.empty(passes * iterations, np.uint8),
             error=np.empty((passes, 2)),
             pixels=np.empty((passes, 2), np.int64),
             disagreed=np.empty((passes, 2), np.bool_),
@@ -161,9 +164,14 @@ class Modelling:
         """The record so far. Raises ValueError before the first image pair."""
         if not self._traces:
             raise ValueError("nothing has been observed yet")
+        histories = np.concatenate([t.histories for t in self._traces])
+        better = np.concatenate([t.better for t in self._traces])
+        if self.parameters.history_of == "final_best":
+            better = np.full_like(better, better[-1])
         v, u = np.divmod(np.concatenate([t.pixels for t in self._traces]), self.rig.width)
         return TeacherRecord(
-            history=np.concatenate([t.history for t in self._traces]),
+            initial=self._initial[better[0]],
+            history=histories[np.arange(len(histories)), better],
             error=np.concatenate([t.error for t in self._traces]),
             pixels=np.stack([u, v], axis=-1).astype(np.int16),
             disagreed=np.concatenate([t.disagreed for t in self._traces]),

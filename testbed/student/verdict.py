@@ -33,4 +33,4 @@ def judge(errors: Vector, terms: int, parameters: VerdictParameters) -> Verdict:
         score = 1 - float(errors[-1]) / max(float(errors[0]), 1e-12)
     else:
         score = -float(errors[-1]) / float(np.sqrt(terms))
-    return Verdict("appropriate" if score >= parameters.threshold else "inappropriate", score)
+    return Verdict("appropriate" if score >= parameters.decisive else "inappropriate", score)

@@ -48,7 +48,7 @@ class SimulatedBackend:
             spot = self._spots[name]
             self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
         world, rig = scenario.world, scenario.rig
-        self._substeps = round(world.control_step / world.physics_step)
+        self._substeps = world.physics_steps
         self._pan_step = math.radians(rig.pan_speed_deg) * world.control_step
         self._steps_per_frame = max(1, round(1 / (rig.camera_rate * world.control_step)))
         self._pan = 0.0
@@ -71,8 +71,7 @@ class SimulatedBackend:
         self._tilt_rngs = dict(zip(self._robots, map(np.random.default_rng, tilts), strict=True))
         self._pan, self._step = 0.0, 0
         self._frame: tuple[int, Pair] | None = None
-        for name in self._robots:
-            self._simulation.reset(name)
+        self._simulation.reset(*self._robots)
 
     def apply(self, commands: Mapping[str, Vector], pan: float) -> None:
         """See :class:`Backend`."""
@@ -104,6 +103,11 @@ class SimulatedBackend:
         """See :class:`Backend`."""
         eye, target = np.array([0.9, -2.1, 1.3]), np.array([0.0, 0.1, 0.0])
         return _photograph(self._simulation, eye, target, width, height, math.radians(55))
+
+    @property
+    def exposed(self) -> int:
+        """How many steps since the reset had passed when the newest frame was exposed."""
+        return self._step - self._step % self._steps_per_frame
 
     def state(self, robot: str) -> tuple[Vector, Vector]:
         """The truth about a robot: base (7,) position (m) and quaternion of its root, joint angles (rad)."""

@@ -21,7 +21,8 @@ that two teachers who do not share a view are never both watched."""
 
 PRESETS: dict[str, GaitSpec] = {
     "still": GaitSpec(kind="still"),
-    # Reach out with the foot lifted, put it down, pull: 5 cm a cycle for the crawler.
+    # Reach out with the foot lifted, put it down, pull: 5 cm a cycle for the crawler, for its foot grips better
+    # than its body; with one coefficient of friction it stays where it is.
     "crawl": GaitSpec(
         period=2.0,
         joints={
@@ -29,7 +30,8 @@ PRESETS: dict[str, GaitSpec] = {
             "joint_b": JointWave(centre_deg=65, amplitude_deg=25, phase_deg=120),
         },
     ),
-    # The rear limb props the body up while the front limb rows: 7 cm a cycle for the splayed body.
+    # One limb props the body up while the other rows: 7 cm a cycle for the splayed body, by shifting load between
+    # limbs and body; it would even work with one coefficient of friction.
     "splayed_crawl": GaitSpec(
         period=2.0,
         joints={
