@@ -242,7 +242,8 @@ class ImitationParameters(_Frozen):
 class VerdictParameters(_Frozen):
     """Section 3.4 and Fig. 8: from controller errors to a verdict.
 
-    "Measured" below: 24 development trials (seed 3001) of the scenario ``paper``, AUC with bootstrap interval.
+    "Measured" below: 24 development trials (seed 3001) of the scenario ``paper``, AUC with bootstrap interval. What the
+    choice is worth on other seeds is what a run of that scenario reports.
     """
 
     score: Literal["final_error", "relative_reduction"] = Field(
