@@ -93,7 +93,8 @@ def test_a_users_mistake_ends_everything_at_once(executor: Executor) -> None:
         executor.run(JOBS, mistaken, heard)
     assert str(caught.value) == "x.yaml:3: the episode is too short; raise world.max_cycles"
     assert not heard.failures
-    assert JOBS[0] in heard.results
+    # A second worker may still be starting while the first one does trial 1 and comes upon trial 2.
+    assert set(JOBS[:2]) & set(heard.results)
     assert JOBS[2] not in heard.results
 
 
