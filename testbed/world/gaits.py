@@ -30,7 +30,7 @@ PRESETS: dict[str, GaitSpec] = {
             "joint_b": JointWave(centre_deg=65, amplitude_deg=25, phase_deg=120),
         },
     ),
-    # One limb props the body up while the other rows: 7 cm a cycle for the splayed body, by shifting load between
+    # One limb props the body up while the other rows: 8 cm a cycle for the splayed body, by shifting load between
     # limbs and body; it would even work with one coefficient of friction.
     "splayed_crawl": GaitSpec(
         period=2.0,
