@@ -63,9 +63,9 @@ def teacher_modelling(desk: Desk, sample: Trial) -> str:
                 drawing,
                 f"model_{row['teacher']}",
                 f"What the student saw and imagined of {row['teacher']}",
-                "Above: the left image of each pair, with the pixels that the student asked for. Below: the better "
-                "of its two models at the start and after each pair, as its left eye would see it, under the "
-                "outlines of the true parts.",
+                "Above: the left image of each pair, with the pixels that the student asked for. Below: its "
+                "best model at the start and after each pair, as its left eye would see it, under the outlines of "
+                "the true parts.",
             )
         )
     for letter, truth in zip("ab", present_truths(desk.rows), strict=False):
