@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from testbed.morphology import Morphology, Vector
 from testbed.report.drawing import OBLIQUE, View, draw_body, extent, flat_on_ground, frame, tilted
 from testbed.report.reading import Array, Trial
-from testbed.report.style import GRID, INK, MUTED, styled
+from testbed.report.style import GRID, INK, MUTED, name_row, styled
 from testbed.student.self_model import BodyPrior, self_model
 
 _ABOVE = View(-90, 55)  # from above and from the front: shows how limbs are attached and that they lie flat
@@ -84,15 +84,7 @@ def self_discovery_picture(trial: Trial, student: Morphology, shown: int = 3) ->
         for axes, poses, ends in zip(line, poses_of, ends_of, strict=True):
             draw_body(axes, body, poses, OBLIQUE)
             frame(axes, ends.mean(axis=0) + np.array([-span, span]))
-        line[0].annotate(
-            title,
-            (-0.02, 0.5),
-            xycoords="axes fraction",
-            ha="right",
-            va="center",
-            fontsize=9,
-            fontweight="bold",
-        )
+        name_row(line[0], title)
     panels[0][0].set_title("flat", loc="center", fontsize=8.5, fontweight="normal", color=MUTED)
     for axes, j in zip(panels[0][1:], telling, strict=True):
         angles = ", ".join(

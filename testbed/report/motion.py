@@ -13,7 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from testbed.morphology import Cuboid, Morphology
 from testbed.report.outlines import outline
 from testbed.report.reading import Array, Trial
-from testbed.report.style import GRID, INK, MUTED, OF_PART, styled
+from testbed.report.style import GRID, INK, MUTED, OF_PART, name_row, styled
 from testbed.student.rolls import view_of
 from testbed.student.self_model import BodyPrior, self_model
 
@@ -84,15 +84,7 @@ def pose_picture(trial: Trial, teacher: str, student: Morphology) -> Figure | No
             # The teacher stays where the student sees it; the self-model is centred.
             place = _window(np.concatenate(poses)) if number else window
             _draw_parts(axes, parts, shades, place)
-        line[0].annotate(
-            title,
-            (-0.04, 0.5),
-            xycoords="axes fraction",
-            ha="right",
-            va="center",
-            fontsize=9,
-            fontweight="bold",
-        )
+        name_row(line[0], title)
     for axes, instant in zip(panels[0], instants, strict=True):
         axes.set_title(f"step {instant}", loc="center", fontsize=8.5, fontweight="normal", color=MUTED)
     return figure

@@ -13,6 +13,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 P = ParamSpec("P")
@@ -120,3 +121,16 @@ def stacked(figure: Figure, upper: float, lower: float) -> tuple[SubFigure, SubF
     """The figure in two storeys of these relative heights."""
     storeys: Any = figure.subfigures(2, 1, height_ratios=[upper, lower])
     return storeys[0], storeys[1]
+
+
+def name_row(axes: Axes, title: str) -> None:
+    """Write the name of a row of pictures to the left of its first one."""
+    axes.annotate(
+        title,
+        (-0.03, 0.5),
+        xycoords="axes fraction",
+        ha="right",
+        va="center",
+        fontsize=9,
+        fontweight="bold",
+    )
