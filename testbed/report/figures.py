@@ -106,6 +106,7 @@ def figure_8(trials: Sequence[Trial]) -> Figure | None:
         some = next((series for series in all_series.values() if series is not None), None)
         if some is not None:
             _finish(axes, some, "iteration", label)
+            axes.set_ylim(top=1.15 * axes.get_ylim()[1])  # room for a name above the highest curve
         axes.set_title(title, fontsize=9, pad=16)
         _name_curves(axes, all_series)
     return figure if drawn else None
