@@ -12,10 +12,10 @@ from benchmarks.measure import Row, against, row
 from testbed.experiment.trial import run_trial
 from testbed.morphology import load_robot
 from testbed.scenario import load_scenario
-from testbed.student.imagination import Imagination
+from testbed.student.body.imagination import Imagination
+from testbed.student.body.self_discovery import evolve_self_model, random_commands
+from testbed.student.body.self_model import BodyPrior
 from testbed.student.parameters import ImaginationParameters, SelfDiscoveryParameters
-from testbed.student.self_discovery import evolve_self_model, random_commands
-from testbed.student.self_model import BodyPrior
 from testbed.world.bullet import SimulatedBackend
 
 CORES = 2

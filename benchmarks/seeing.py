@@ -16,7 +16,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from benchmarks.measure import Row, against, row
 from testbed.student.parameters import TeacherModellingParameters
-from testbed.student.teacher_modelling import Modelling
+from testbed.student.seeing.teacher_modelling import Modelling
 from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE, StereoRig, render
 from testbed.vision.kernel import cover
 

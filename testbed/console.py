@@ -145,7 +145,7 @@ def display_on(console: Console) -> Bars | Lines:
 
 
 def verdict_table(contents: Mapping[str, Any]) -> Table:
-    """The verdicts of a run: each of them where they are few, a line a teacher where they are many.
+    """The verdicts of a run: each of them where they are few, a line a student and robot where they are many.
 
     Args:
         contents: As in ``verdicts.json``.
@@ -155,8 +155,14 @@ def verdict_table(contents: Mapping[str, Any]) -> Table:
 
 
 def summary_lines(contents: Mapping[str, Any]) -> list[str]:
-    """A sentence a student: how many verdicts were right, and how well the scores part the teachers."""
-    return [_sentence(name, summary) for name, summary in contents["summary"].items()]
+    """In sentences: the reasons where verdicts are few, each student's share of right ones, what it knows of itself."""
+    rows, lines = contents["verdicts"], []
+    if len(rows) <= _MOST_ROWS:
+        lines += [
+            f"{row['student']} of {row['teacher']}: {row['reason']}" for row in rows if row.get("reason")
+        ]
+    lines += [_sentence(name, summary) for name, summary in contents["summary"].items()]
+    return lines if rows else [*lines, *_about_themselves(contents.get("selves", []))]
 
 
 def _verdict_sheet() -> Table:
@@ -167,37 +173,31 @@ def _verdict_sheet() -> Table:
 
 
 def _each(rows: list[Mapping[str, Any]]) -> Table:
-    several = len({row["trial"] for row in rows}) > 1
+    trials, students = ({row[name] for row in rows} for name in ("trial", "student"))
+    first = [name for name, values in (("trial", trials), ("student", students)) if len(values) > 1]
     table = _verdict_sheet()
-    for heading in (
-        *(("trial",) if several else ()),
-        "teacher",
-        "robot",
-        "verdict",
-        "truth",
-        "",
-        "score",
-        "chosen",
-    ):
-        table.add_column(heading, justify="right" if heading in ("trial", "score") else "left")
+    for heading in (*first, "teacher", "robot", "verdict", "", "sure", "score", "chosen"):
+        table.add_column(heading, justify="right" if heading in ("trial", "sure", "score") else "left")
     for row in rows:
-        verdict, truth = row["verdict"], row["truth"]
-        cells = [row["teacher"], row["robot"], _coloured(verdict), _coloured(truth), _mark(verdict == truth)]
-        cells += [_number(row["score"]), "yes" if row.get("chosen") else "no"]
-        table.add_row(*((str(row["trial"]),) if several else ()), *cells)
+        verdict = row["verdict"]
+        cells = [row["teacher"], row["robot"], _coloured(verdict), _mark(verdict == row["truth"])]
+        cells += [_share(row.get("probability"), verdict), _number(row["score"])]
+        table.add_row(*(str(row[name]) for name in first), *cells, "yes" if row.get("chosen") else "no")
     return table
 
 
 def _together(rows: list[Mapping[str, Any]]) -> Table:
+    first = ("student",) if len({row["student"] for row in rows}) > 1 else ()
+    names = (*first, "robot", "truth")
     table = _verdict_sheet()
-    for heading in ("teacher", "robot", "truth", "judged appropriate", "right"):
+    for heading in (*names, "judged appropriate", "right"):
         table.add_column(heading)
-    for key in dict.fromkeys((row["teacher"], row["robot"], row["truth"]) for row in rows):
-        group = [row for row in rows if (row["teacher"], row["robot"], row["truth"]) == key]
+    for key in dict.fromkeys(tuple(row[name] for name in names) for row in rows):
+        group = [row for row in rows if tuple(row[name] for name in names) == key]
         yes = sum(row["verdict"] == "appropriate" for row in group)
         right = sum(row["verdict"] == row["truth"] for row in group)
         shares = (f"{yes} of {len(group)}", f"{right / len(group):.0%}")
-        table.add_row(key[0], key[1], _coloured(key[2]), *shares)
+        table.add_row(*key[:-1], _coloured(key[-1]), *shares)
     return table
 
 
@@ -209,6 +209,22 @@ def _sentence(name: str, summary: Mapping[str, Any]) -> str:
     if summary["auc"] is not None and summary["auc_low"] is not None:
         text += f"; AUC {summary['auc']:.2f} ({summary['auc_low']:.2f} to {summary['auc_high']:.2f})"
     return text
+
+
+def _about_themselves(selves: list[Mapping[str, Any]]) -> list[str]:
+    lines = []
+    for key in dict.fromkeys((row["cell"], row["student"]) for row in selves):
+        group = [row for row in selves if (row["cell"], row["student"]) == key]
+        right = sum(bool(row["topology_right"]) for row in group)
+        lines.append(f"{key[0]}, student {key[1]}: {right} of {len(group)} know how their limbs are joined")
+    return lines
+
+
+def _share(probability: float | None, verdict: str) -> str:
+    """How sure the student is of what it says."""
+    if probability is None:
+        return ""
+    return f"{probability if verdict == 'appropriate' else 1 - probability:.0%}"
 
 
 def _coloured(word: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, Protocol
 
 from pydantic import BaseModel, ValidationError
@@ -46,7 +47,7 @@ def mistake(what: str, mend: str, *, at: str = "") -> PydanticCustomError:
 
 def translate(model: type[BaseModel], data: object, source: Lines, error: ValidationError) -> UserError:
     """The most telling of the errors as a :class:`UserError`, with the number of the others."""
-    schema = model.model_json_schema()
+    schema = _schema_of(model)
     details = error.errors(include_url=False)
     # An unknown key is often the cause of other errors (the right key is then missing), so it goes first.
     first = min(
@@ -57,6 +58,11 @@ def translate(model: type[BaseModel], data: object, source: Lines, error: Valida
     if len(details) > 1:
         mend = f"{mend} (and {len(details) - 1} more)"
     return source.error(place, what, mend)
+
+
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> Schema:
+    return model.model_json_schema()
 
 
 def place_name(place: Place) -> str:
@@ -72,6 +78,8 @@ def _place(detail: ErrorDetails, data: object) -> Place:
     location = (*detail["loc"], *at.split(".")) if at else detail["loc"]
     last = len(location) - 1
     for index, key in enumerate(location):
+        if isinstance(data, list) and isinstance(key, str) and key.isdigit():
+            key = int(key)  # from a mistake's 'at'
         if (isinstance(data, dict) and key in data) or (isinstance(data, list) and key in range(len(data))):
             place.append(key)
             data = data[key]  # type: ignore[index]

@@ -12,138 +12,37 @@ about its own y axis.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from testbed.documents import read_document, validate
 from testbed.errors import UserError
+from testbed.frames import rotation_y, rotation_z, translation
+from testbed.parts import CappedCylinder, Cuboid, Frozen, Part, Sphere, Vector
 from testbed.resources import robot_path
 
-Vector = NDArray[np.float64]
-Length = Annotated[float, Field(gt=0, le=2.0, description="metres")]
+__all__ = [
+    "CappedCylinder",
+    "Cuboid",
+    "Joint",
+    "Morphology",
+    "Part",
+    "Sphere",
+    "Vector",
+    "load_robot",
+    "rotation_y",
+    "rotation_z",
+    "translation",
+]
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Part(_Frozen):
-    density: float = Field(600.0, gt=0, le=30_000, description="kg/m3; the paper's 0.6 g/cm3")
-    friction: float = Field(0.5, ge=0, le=5, description="Coulomb coefficient against a ground of 1")
-    luminosity: int = Field(110, ge=0, le=255, description="grey level under full light")
-
-    @property
-    def volume(self) -> float:
-        """Volume in cubic metres."""
-        raise NotImplementedError
-
-    @property
-    def mass(self) -> float:
-        """Mass in kilograms."""
-        return self.density * self.volume
-
-    @property
-    def length_along_x(self) -> float:
-        """Distance from the hinge that carries this part to the hinges at its far end, in metres."""
-        raise NotImplementedError
-
-
-class Cuboid(_Part):
-    """A rectangular solid."""
-
-    shape: Literal["cuboid"] = "cuboid"
-    size: tuple[Length, Length, Length] = Field(description="length, width, height in metres")
-
-    @property
-    def volume(self) -> float:
-        """Volume in cubic metres."""
-        return math.prod(self.size)
-
-    @property
-    def inertia(self) -> Vector:
-        """Principal moments of inertia about the centre, (3,) in kg m2."""
-        x, y, z = (side**2 for side in self.size)
-        return self.mass / 12 * np.array([y + z, x + z, x + y])
-
-    @property
-    def length_along_x(self) -> float:
-        """The length."""
-        return self.size[0]
-
-    def scaled(self, factor: float) -> Self:
-        """The same part, ``factor`` times as large."""
-        x, y, z = self.size
-        return self.model_copy(update={"size": (x * factor, y * factor, z * factor)})
-
-
-class Sphere(_Part):
-    """A ball."""
-
-    shape: Literal["sphere"] = "sphere"
-    radius: Length
-
-    @property
-    def volume(self) -> float:
-        """Volume in cubic metres."""
-        return 4 / 3 * math.pi * self.radius**3
-
-    @property
-    def inertia(self) -> Vector:
-        """Principal moments of inertia about the centre, (3,) in kg m2."""
-        return np.full(3, 0.4 * self.mass * self.radius**2)
-
-    @property
-    def length_along_x(self) -> float:
-        """The diameter."""
-        return 2 * self.radius
-
-    def scaled(self, factor: float) -> Self:
-        """The same part, ``factor`` times as large."""
-        return self.model_copy(update={"radius": self.radius * factor})
-
-
-class CappedCylinder(_Part):
-    """A cylinder along x with a half ball on each end; ``length`` is the cylinder's alone."""
-
-    shape: Literal["capped_cylinder"] = "capped_cylinder"
-    radius: Length
-    length: Length
-
-    @property
-    def volume(self) -> float:
-        """Volume in cubic metres, caps included."""
-        return math.pi * self.radius**2 * (self.length + 4 / 3 * self.radius)
-
-    @property
-    def inertia(self) -> Vector:
-        """Principal moments of inertia about the centre, (3,) in kg m2."""
-        r, h = self.radius, self.length
-        cylinder = self.density * math.pi * r**2 * h
-        caps = self.density * 4 / 3 * math.pi * r**3
-        along = cylinder * r**2 / 2 + caps * 0.4 * r**2
-        across = cylinder * (h**2 / 12 + r**2 / 4) + caps * (0.4 * r**2 + h**2 / 4 + 3 / 8 * h * r)
-        return np.array([along, across, across])
-
-    @property
-    def length_along_x(self) -> float:
-        """The cylinder's length: hinges sit in the centres of the caps."""
-        return self.length
-
-    def scaled(self, factor: float) -> Self:
-        """The same part, ``factor`` times as large."""
-        return self.model_copy(update={"radius": self.radius * factor, "length": self.length * factor})
-
-
-Part = Annotated[Cuboid | Sphere | CappedCylinder, Field(discriminator="shape")]
-
-
-class Joint(_Frozen):
+class Joint(Frozen):
     """A hinge with a servo between a parent and a child part."""
 
     parent: str
@@ -177,7 +76,7 @@ class Joint(_Frozen):
         return self.model_copy(update={"height": self.height * factor, "torque": self.torque * factor**4})
 
 
-class Morphology(_Frozen):
+class Morphology(Frozen):
     """A body: named parts and the hinges that make a tree of them.
 
     The order of ``joints`` is the order of motor commands; the order of ``parts`` is the order of rolls.
@@ -236,6 +135,11 @@ class Morphology(_Frozen):
         """Joint limits, (joints, 2) in rad."""
         return np.array([joint.limits for joint in self.joints.values()]).reshape(-1, 2)
 
+    @property
+    def rest(self) -> Vector:
+        """The angles (rad) of a body at rest, (joints,): flat, or as near to it as a joint's travel allows."""
+        return np.clip(np.zeros(len(self.joints)), *self.limits.T)
+
     def scaled(self, factor: float) -> Morphology:
         """The same body, ``factor`` times as large, densities unchanged."""
         return self.model_copy(
@@ -244,6 +148,20 @@ class Morphology(_Frozen):
                 "joints": {name: joint.scaled(factor) for name, joint in self.joints.items()},
             }
         )
+
+    def stretched(self, factors: float | Sequence[float]) -> Morphology:
+        """The same body with longer or shorter limbs.
+
+        Args:
+            factors: For all limbs, or for one after the other in the order of the joints; a limb without one keeps
+                its length, a factor without a limb has no effect.
+        """
+        each = [factors] * len(self.joints) if isinstance(factors, int | float) else factors
+        limbs = {
+            joint.child: self.parts[joint.child].stretched(factor)
+            for joint, factor in zip(self.joints.values(), each, strict=False)
+        }
+        return self.model_copy(update={"parts": {**self.parts, **limbs}})
 
     def varied(
         self,
@@ -267,6 +185,22 @@ class Morphology(_Frozen):
                 data[kind][name] = {**data[kind][name], **fields}
         return Morphology.model_validate(data)
 
+    def without(self, part: str) -> Morphology:
+        """What is left of the body when a part falls off, with all that hangs on it.
+
+        Raises:
+            KeyError: If there is no such part, or it is the main body.
+        """
+        if part not in self.parts or part == self.root:
+            raise KeyError(part)
+        gone = self._reached(part)
+        return self.model_copy(
+            update={
+                "parts": {name: kept for name, kept in self.parts.items() if name not in gone},
+                "joints": {name: joint for name, joint in self.joints.items() if joint.child not in gone},
+            }
+        )
+
     def mount(self, joint: Joint) -> Vector:
         """Where a hinge sits in its parent's frame: a (4, 4) pose at joint angle zero."""
         return _mount(self.parts[joint.parent], joint)
@@ -287,13 +221,13 @@ class Morphology(_Frozen):
         return {name: poses[name] for name in self.parts}
 
     def resting_height(self) -> float:
-        """Height of the root's centre, in metres, when the flat body touches the ground at its lowest point."""
-        flat = self.poses(np.zeros(len(self.joints)))
+        """Height of the root's centre, in metres, when the body at rest touches the ground at its lowest point."""
+        flat = self.poses(self.rest)
         return -min(_lowest(self.parts[name], pose) for name, pose in flat.items())
 
     def reach(self) -> tuple[float, float, float]:
         """Smallest and greatest x of the flat body and the greatest height it can reach, in metres, from the root."""
-        flat = self.poses(np.zeros(len(self.joints)))
+        flat = self.poses(np.zeros(len(self.joints)))  # stretched out, whether or not its joints let it
         ends = [end for name, pose in flat.items() for end in _extent_x(self.parts[name], pose)]
         limbs = sum(part.length_along_x for name, part in self.parts.items() if name != self.root)
         return min(ends), max(ends), limbs + self.resting_height()
@@ -311,26 +245,17 @@ def load_robot(name: str | Path) -> Morphology:
     path = Path(name) if Path(name).suffix else robot_path(str(name))
     if path.suffix.lower() == ".urdf":
         raise UserError("URDF files are not read yet", "describe the robot in YAML", file=path)
+    try:
+        state = path.stat()
+    except OSError:
+        return validate(Morphology, read_document(path))  # says what is wrong
+    return _read(path, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(maxsize=64)
+def _read(path: Path, changed: int, size: int) -> Morphology:
+    """The robot in a file; read anew when the file was changed, for scenarios name the same few over and over."""
     return validate(Morphology, read_document(path))
-
-
-def translation(x: float, y: float, z: float) -> Vector:
-    """A (4, 4) pose that only shifts."""
-    pose = np.eye(4)
-    pose[:3, 3] = x, y, z
-    return pose
-
-
-def rotation_y(angle: float) -> Vector:
-    """A (4, 4) pose that only turns about y: x turns toward -z, downward, for positive angles (rad)."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
-
-
-def rotation_z(angle: float) -> Vector:
-    """A (4, 4) pose that only turns about z, counter-clockwise seen from above, in rad."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 
 
 def _mount(parent: Cuboid | Sphere | CappedCylinder, joint: Joint) -> Vector:

@@ -20,7 +20,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Morphology, Vector
+from testbed.frames import tilt_of
+from testbed.morphology import Morphology, Sphere, Vector
 from testbed.silence import silence
 from testbed.urdf import to_urdf
 
@@ -28,7 +29,10 @@ with silence():  # importing it prints its build time
     import pybullet
 
 
+__all__ = ["PhysicsSpec", "Simulation", "tilt_of"]
+
 _OUT_OF_REACH = 100.0
+_SEIZED = 100  # times a servo's torque: what turns a joint that has seized
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +70,7 @@ class Simulation:
         self.spec = spec or PhysicsSpec()
         self.client = pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[str, _Body] = {}
+        self._locked: dict[str, dict[str, float]] = {}
         pybullet.setGravity(0, 0, -self.spec.gravity, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self.spec.step,
@@ -142,7 +147,34 @@ class Simulation:
 
     def remove(self, name: str) -> None:
         """Take a body out of the world."""
+        self._locked.pop(name, None)
         pybullet.removeBody(self._bodies.pop(name).number, physicsClientId=self.client)
+
+    def replace(self, name: str, morphology: Morphology) -> None:
+        """Give a body another shape where it is, in the posture that it has; what is new of it is flat."""
+        base, angles = (
+            self.base(name),
+            dict(zip(self._bodies[name].morphology.joints, self.joints(name), strict=True)),
+        )
+        (*place, _), (*_, sine, cosine) = self._bodies[name].start
+        self.remove(name)
+        self.add(name, morphology, place=(place[0], place[1]), yaw=2 * math.atan2(sine, cosine))
+        rest = dict(zip(morphology.joints, morphology.rest, strict=True))
+        self.pose(name, base, np.array([angles.get(joint, rest[joint]) for joint in morphology.joints]))
+
+    def lock(self, name: str, joint: str) -> None:
+        """Seize a joint where it is: whatever is commanded, it stays there, until the body is reset."""
+        index = list(self._bodies[name].morphology.joints).index(joint)
+        self._locked.setdefault(name, {})[joint] = float(self.joints(name)[index])
+
+    def push(self, name: str, velocity: tuple[float, float]) -> None:
+        """Set a ball rolling over the ground, at this velocity in m/s; any other body slides off."""
+        part = self._bodies[name].morphology.parts[self._bodies[name].morphology.root]
+        radius = part.radius if isinstance(part, Sphere) else math.inf
+        x, y = velocity
+        pybullet.resetBaseVelocity(
+            self._bodies[name].number, (x, y, 0), (-y / radius, x / radius, 0), physicsClientId=self.client
+        )
 
     def reset(self, *names: str) -> None:
         """Back to where the bodies were put: flat, at rest, and without memory of what they touched."""
@@ -151,11 +183,12 @@ class Simulation:
         for name in names:
             body = self._bodies[name]
             (x, y, z), orientation = body.start
-            self.pose(name, np.array([x, y, z + _OUT_OF_REACH, *orientation]), np.zeros(len(body.motors)))
+            self.pose(name, np.array([x, y, z + _OUT_OF_REACH, *orientation]), body.morphology.rest)
         pybullet.performCollisionDetection(physicsClientId=self.client)
         for name in names:
+            self._locked.pop(name, None)
             body = self._bodies[name]
-            rest = np.zeros(len(body.motors))
+            rest = body.morphology.rest
             self.pose(name, np.array([*body.start[0], *body.start[1]]), rest)
             self.command(name, rest)
 
@@ -178,10 +211,16 @@ class Simulation:
 
     def command(self, name: str, targets: NDArray[np.floating]) -> None:
         """Set the servos' targets (rad); each turns there with its own finite torque and speed."""
-        body = self._bodies[name]
-        for motor, target, torque, speed in zip(
-            body.motors, targets.tolist(), body.torques, body.speeds, strict=True
-        ):
+        body, locked = self._bodies[name], self._locked.get(name, {})
+        goals = [
+            locked.get(joint, target)
+            for joint, target in zip(body.morphology.joints, targets.tolist(), strict=True)
+        ]
+        torques = [
+            torque * (_SEIZED if joint in locked else 1)
+            for joint, torque in zip(body.morphology.joints, body.torques, strict=True)
+        ]
+        for motor, target, torque, speed in zip(body.motors, goals, torques, body.speeds, strict=True):
             pybullet.setJointMotorControl2(
                 body.number,
                 motor,
@@ -258,10 +297,3 @@ class Simulation:
         )
         rgb = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)[..., :3]
         return rgb, np.asarray(bodies).reshape(height, width) >= 0
-
-
-def tilt_of(quaternion: NDArray[np.floating]) -> Vector:
-    """(2,) tilt (rad) of a body with this orientation (xyzw), as an accelerometer at rest reads it."""
-    x, y, z, w = (float(part) for part in quaternion)
-    up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))  # world's up in the body's frame
-    return np.array([math.atan2(up[1], up[2]), math.atan2(-up[0], math.hypot(up[1], up[2]))])

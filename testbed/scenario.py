@@ -3,6 +3,8 @@
 A scenario comes in by path or by the name of a shipped one (:func:`load_scenario`), may be changed from the
 command line (:func:`with_overrides`), is written out whole (:func:`resolve`) and named by what it says
 (:func:`content_hash`). :func:`check` looks at what only the robots' bodies can tell.
+
+A scenario is run cell by cell and trial by trial: ``drawn(in_cell(scenario, cell), trial)`` is concrete.
 """
 
 from __future__ import annotations
@@ -18,12 +20,16 @@ import yaml
 from testbed.documents import Document, parse_document, plain_scalar, read_document, validate
 from testbed.errors import UserError
 from testbed.resources import robot_names, robot_path, scenario_path
+from testbed.scenario_bodies import is_path
+from testbed.scenario_cells import cell_names, in_cell
 from testbed.scenario_check import check
+from testbed.scenario_drawing import check_ends, drawn
 from testbed.scenario_specs import (
     LARGEST_SEED,
     GaitSpec,
     JointWave,
     LightSpec,
+    MindSpec,
     RigSpec,
     Scenario,
     StudentSpec,
@@ -35,14 +41,19 @@ __all__ = [
     "GaitSpec",
     "JointWave",
     "LightSpec",
+    "MindSpec",
     "RigSpec",
     "Scenario",
     "StudentSpec",
     "TeacherSpec",
     "WorldSpec",
     "as_scenario",
+    "cell_names",
     "check",
     "content_hash",
+    "drawn",
+    "in_cell",
+    "is_path",
     "load_scenario",
     "parse_scenario",
     "resolve",
@@ -97,9 +108,10 @@ def _scenario(document: Document, path: Path) -> Scenario:
             what = f"the file's name '{path.stem}' cannot be the scenario's name"
             raise UserError(what, "add a line such as 'name: my_scenario'", file=path, line=1) from None
         raise
-    scenario = _with_robots_beside(scenario, path.parent)
     scenario._source = document.source
-    return scenario
+    for cell in cell_names(scenario):
+        check_ends(in_cell(scenario, cell))
+    return _with_robots_beside(scenario, path.parent)
 
 
 def _with_robots_beside(scenario: Scenario, folder: Path) -> Scenario:
@@ -109,24 +121,33 @@ def _with_robots_beside(scenario: Scenario, folder: Path) -> Scenario:
 
 def with_robot_files(scenario: Scenario, moved: Callable[[str], str]) -> Scenario:
     """The scenario with every path of a robot replaced by ``moved(path)``; names of shipped robots stay."""
+    data = scenario.template
+    changed = _robots_replaced(data, lambda robot: moved(robot) if is_path(robot) else robot)
+    if changed == data:
+        return scenario
+    with_files = Scenario.model_validate(changed)
+    with_files._source = scenario.source
+    return with_files
 
-    def of(robot: str) -> str:
-        return moved(robot) if is_path(robot) else robot
 
-    student = scenario.student.model_copy(update={"robot": of(scenario.student.robot)})
-    teachers = tuple(teacher.model_copy(update={"robot": of(teacher.robot)}) for teacher in scenario.teachers)
-    return scenario.model_copy(update={"student": student, "teachers": teachers})
-
-
-def is_path(robot: str) -> bool:
-    """Whether a scenario's ``robot`` is a file rather than the name of a shipped robot."""
-    return "/" in robot or robot.endswith((".yaml", ".yml", ".urdf"))
+def _robots_replaced(data: Any, replace: Callable[[str], object], *, named: bool = False) -> Any:
+    """Plain data with every robot in them replaced, in choices, plans and cells too."""
+    if isinstance(data, dict):
+        return {
+            key: _robots_replaced(
+                value, replace, named=key in ("robot", "parts_of") or (named and key == "choice")
+            )
+            for key, value in data.items()
+        }
+    if isinstance(data, list):
+        return [_robots_replaced(value, replace, named=named) for value in data]
+    return replace(data) if named and isinstance(data, str) else data
 
 
 def resolve(scenario: Scenario) -> str:
     """The scenario as YAML text with every default filled in; reading it gives an equal scenario."""
     return yaml.dump(  # type: ignore[no-any-return,unused-ignore]
-        scenario.model_dump(mode="json"), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110
+        scenario.template, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110
     )
 
 
@@ -155,9 +176,8 @@ def content_hash(scenario: Scenario) -> str:
     ``trials`` is left out: it is a total, and a run with more of them continues. Comments, the order of keys,
     spelled-out defaults and the folder that the files are in change nothing.
     """
-    data = scenario.model_dump(mode="json", exclude={"trials"})
-    for owner in (data["student"], *data["teachers"]):
-        owner["robot"] = _robot_content(owner["robot"])
+    data = _robots_replaced(scenario.template, _robot_content)
+    del data["trials"]
     text = json.dumps(data, sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()[:_HASH_LENGTH]
 
@@ -187,8 +207,10 @@ def with_overrides(
     """
     update: dict[str, object] = {}
     if smoke:
-        student = scenario.student
-        update["student"] = student.model_copy(update={"parameters": student.parameters.smoke()})
+        student, *beside = (
+            mind.model_copy(update={"parameters": mind.parameters.smoke()}) for mind in scenario.minds
+        )
+        update["student"], update["beside"] = student, tuple(beside)
         update["trials"] = 1
     if seed is not None:
         if not 0 <= seed <= LARGEST_SEED:
@@ -198,4 +220,9 @@ def with_overrides(
         if trials < 1:
             raise UserError(f"{trials} trials are too few", "ask for at least 1; the number is the total")
         update["trials"] = trials
+    if "trials" in update:
+        update["cells"] = {
+            name: {key: value for key, value in cell.items() if key != "trials"}
+            for name, cell in scenario.cells.items()
+        }
     return scenario.model_copy(update=update)

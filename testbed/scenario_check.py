@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -10,69 +11,92 @@ import numpy as np
 from testbed.document_errors import Place
 from testbed.documents import Source
 from testbed.errors import UserError, did_you_mean
+from testbed.scenario_cells import cell_names, in_cell
+from testbed.scenario_drawing import body_at, drawn, extremes
 from testbed.scenario_specs import RigSpec, Scenario
+from testbed.scenario_view import Ends, ends_of, half_width_deg, most_pan_error_deg, nearest_distance
 
 if TYPE_CHECKING:
     from testbed.morphology import Morphology, Part, Vector
-    from testbed.world.placement import Placement
 
-Ends = list[tuple[float, float]]
-IMAGE_ASPECT = 75 / 100  # height over width, in pixels
 _ROUNDING_DEG = 1e-6
 _CLOSENESS = 1e-9  # metres
 _SAME_PLACE = 1e-3  # metres
-_POSE = (0.3, -0.4)  # rad; some pose in which no two different bodies look alike
+_POSE = (0.3, -0.4, 0.7, -0.6)  # rad; some pose in which no two different bodies look alike
+
+
+_TRIED_TRIALS = 3
 
 
 def check(scenario: Scenario) -> None:
-    """Look for what cannot work.
+    """Look for what cannot work, in every cell, at the ends of every distribution and in the first trials.
 
     Unknown robots, a student that no genome describes, impossible gaits, teachers out of view or two in one view, a
-    student in its own view.
+    student in its own view, damage to what is not there.
 
     Raises:
         UserError: For the first such mistake, with the line in the scenario's file and how to mend it.
     """
+    for cell in cell_names(scenario):
+        variant = in_cell(scenario, cell)
+        seen: list[Scenario] = []
+        trials = range(min(variant.trials, _TRIED_TRIALS))
+        for concrete in itertools.chain(extremes(variant), (drawn(variant, trial) for trial in trials)):
+            if concrete not in seen:
+                seen.append(concrete)
+                _check_concrete(concrete)
+
+
+def _check_concrete(scenario: Scenario) -> None:
     source = scenario.source
-    student = _body(scenario.student.robot, ("student", "robot"), source)
+    student = body_at(scenario.student, ("student", "robot"), source)
     _check_genome(student, source)
+    _check_student_body(student, scenario)
     bodies = [
-        _body(teacher.robot, ("teachers", index, "robot"), source)
+        body_at(teacher, ("teachers", index, "robot"), source)
         for index, teacher in enumerate(scenario.teachers)
     ]
     from testbed.world.placement import placements, teacher_names  # the world is made of scenarios
 
     named = dict(zip(teacher_names(scenario), bodies, strict=True))
     spots = placements(scenario, named)
-    ends = [_ends(body, spots[name]) for name, body in named.items()]
+    ends = [ends_of(body, spots[name]) for name, body in named.items()]
     for index, body in enumerate(bodies):
         _check_gait(index, body, scenario)
-        _check_view(index, body, ends[index], scenario)
+        _check_view(index, body, scenario)
     _check_views_apart(ends, scenario)
     _check_student_apart(student, scenario)
 
 
-def _body(robot: str, place: Place, source: Source) -> Morphology:
-    from testbed.morphology import load_robot  # bodies are read with our own documents, so they come after us
-
-    try:
-        return load_robot(robot)
-    except UserError as error:
-        if error.file is not None and error.line is not None:
-            raise  # the mistake is inside the robot's own file
-        raise source.error(place, error.what, error.mend) from None
+def _check_student_body(body: Morphology, scenario: Scenario) -> None:
+    """What the reality gap and the damage say must be about joints and parts that the student has."""
+    student, source = scenario.student, scenario.source
+    counts = {"servo_offset_deg": len(body.joints), "limb_length": len(body.joints), "tilt_bias_deg": 2}
+    counts |= {"density": len(body.parts), "friction": len(body.parts)}
+    for name, count in counts.items() if student.reality_gap else ():
+        values = getattr(student.reality_gap, name)
+        if isinstance(values, tuple) and len(values) != count:
+            what = f"student.reality_gap.{name} has {len(values)} values for robot '{body.name}'"
+            raise source.error(("student", "reality_gap", name), what, f"give {count}")
+    if student.damage is not None:
+        limbs = [joint.child for joint in body.joints.values()]
+        for key, known in (("limb_lost", limbs), ("joint_locked", list(body.joints))):
+            name = getattr(student.damage, key)
+            if name is not None and name not in known:
+                what = f"student.damage.{key} is '{name}', which robot '{body.name}' does not have"
+                raise source.error(("student", "damage", key), what, did_you_mean(name, known))
 
 
 def _check_genome(body: Morphology, source: Source) -> None:
     """The paper's genome must be able to describe the student's body, or it could never discover itself."""
-    from testbed.student.self_model import BodyPrior, self_model, true_genome
+    from testbed.student.body.self_model import BodyPrior, self_model, true_genome
 
     place: Place = ("student", "robot")
     try:
-        prior = BodyPrior.of(body)
+        prior, genome = BodyPrior.of(body), true_genome(body)
     except UserError as error:
         raise source.error(place, error.what, error.mend) from None
-    model = self_model(prior, true_genome(body))
+    model = self_model(prior, genome)
     true, described = (_limbs_in(_POSE, one) for one in (body, model))
     if np.abs(true - described).max() > _SAME_PLACE:
         what = f"the student's genome cannot describe how the limbs of robot '{body.name}' are joined"
@@ -80,15 +104,18 @@ def _check_genome(body: Morphology, source: Source) -> None:
         raise source.error(place, what, mend)
 
 
-def _limbs_in(angles: tuple[float, float], body: Morphology) -> Vector:
+def _limbs_in(pose: tuple[float, ...], body: Morphology) -> Vector:
     """Where the limbs' centres are, (joints, 3) m, in the order of the joints."""
-    poses = body.poses(angles)
+    poses = body.poses(np.resize(pose, len(body.joints)))
     return np.array([poses[joint.child][:3, 3] for joint in body.joints.values()])
 
 
 def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
-    source = scenario.source
-    for name, motion in scenario.teachers[index].gait.joints.items():
+    source, gait = scenario.source, scenario.teachers[index].gait
+    if gait.kind == "push" and body.joints:
+        what = f"the gait rolls robot '{body.name}', which has joints"
+        raise source.error(("teachers", index, "gait"), what, "roll a ball; others move by themselves")
+    for name, motion in gait.joints.items():
         here: Place = ("teachers", index, "gait", "joints", name)
         if name not in body.joints:
             what = f"the gait moves joint '{name}', which robot '{body.name}' does not have"
@@ -102,7 +129,7 @@ def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
             raise source.error(here, what, "lower amplitude_deg or shift centre_deg")
 
 
-def _check_view(index: int, body: Morphology, ends: Ends, scenario: Scenario) -> None:
+def _check_view(index: int, body: Morphology, scenario: Scenario) -> None:
     teacher, rig = scenario.teachers[index], scenario.rig
     place: Place = ("teachers", index)
     if abs(teacher.bearing_deg) > rig.pan_limit_deg:
@@ -111,12 +138,7 @@ def _check_view(index: int, body: Morphology, ends: Ends, scenario: Scenario) ->
         )
         mend = "move the teacher or raise rig.pan_limit_deg"
         raise scenario.source.error((*place, "bearing_deg"), what, mend)
-    # A pinhole sees the point (x, y, z) of its frame if |x| and |y| stay below z times a tangent.
-    across = math.tan(math.radians(rig.field_of_view_deg) / 2)
-    up = IMAGE_ASPECT * across
-    nearer = [(abs(x) + rig.baseline / 2) / across - (z - teacher.distance) for x, z in ends]
-    _, _, highest = body.reach()
-    needed = max(*nearer, (highest - rig.height) / up, rig.height / up)
+    needed = nearest_distance(body, teacher, rig)
     if teacher.distance < needed - _CLOSENESS:
         what = (
             f"robot '{body.name}', stretched out or upright, does not fit in view at {teacher.distance:g} m"
@@ -128,12 +150,16 @@ def _check_view(index: int, body: Morphology, ends: Ends, scenario: Scenario) ->
 def _check_views_apart(ends: list[Ends], scenario: Scenario) -> None:
     """While the rig looks at one teacher, no other may reach into either image: one silhouette a view."""
     bearings = [teacher.bearing_deg for teacher in scenario.teachers]
-    widths = [_half_width_deg(one, scenario.rig) for one in ends]
+    widths = [half_width_deg(one, scenario.rig) for one in ends]
     for later in range(len(bearings)):
         for earlier in range(later):
             apart = abs(bearings[later] - bearings[earlier])
             apart = min(apart, 360 - apart)
-            needed = scenario.rig.field_of_view_deg / 2 + max(widths[earlier], widths[later])
+            needed = (
+                scenario.rig.field_of_view_deg / 2
+                + most_pan_error_deg(scenario.rig)
+                + max(widths[earlier], widths[later])
+            )
             if apart < needed:
                 what = f"teachers {earlier} and {later}, {apart:g} degrees apart, share a view"
                 mend = f"put their bearings at least {math.ceil(needed)} degrees apart"
@@ -187,24 +213,3 @@ def _half_sizes(part: Part) -> tuple[float, float]:
     if part.shape == "cuboid":
         return part.size[0] / 2, part.size[1] / 2
     return (part.radius + (part.length / 2 if part.shape == "capped_cylinder" else 0)), part.radius
-
-
-def _half_width_deg(ends: Ends, rig: RigSpec) -> float:
-    """How far to the side of its bearing a body can be seen by either camera, in degrees."""
-    widest = 0.0
-    for x, depth in ends:
-        away = math.hypot(x, depth)
-        parallax = math.asin(min(1.0, rig.baseline / 2 / max(away, _CLOSENESS)))
-        widest = max(widest, abs(math.atan2(x, depth)) + parallax)
-    return math.degrees(widest)
-
-
-def _ends(body: Morphology, spot: Placement) -> Ends:
-    """The flat body's two ends in the frame of a rig that looks its way: to the right and in depth (m)."""
-    sine, cosine = math.sin(spot.bearing), math.cos(spot.bearing)
-    ends = []
-    for along in body.reach()[:2]:
-        x = spot.place[0] + along * math.cos(spot.yaw)
-        y = spot.place[1] + along * math.sin(spot.yaw)
-        ends.append((x * cosine - y * sine, x * sine + y * cosine))
-    return ends

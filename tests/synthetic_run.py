@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.experiment.verdicts import document, write
-from testbed.morphology import Cuboid, Morphology, load_robot
+from testbed.morphology import Cuboid, Morphology, Sphere, load_robot
 from testbed.vision import StereoRig, render
 
 Array = NDArray[Any]
@@ -82,13 +82,13 @@ def _trial(
 ) -> tuple[dict[str, Array], list[dict[str, Any]]]:
     student = load_robot("crawler")
     arrays: dict[str, Array] = {"time/control_step": np.float64(CONTROL_STEP)}  # type: ignore[dict-item]
-    arrays |= _self_discovery(story, rng)
+    arrays |= self_discovery(story, rng)
     rows: list[dict[str, Any]] = []
     chosen = story.chosen
     for index, robot in enumerate(story.robots):
         name, body = f"teacher_{index}", load_robot(robot)
         truth = "appropriate" if robot == "crawler" else "inappropriate"
-        joints, base = _crawl(body, PERFORM_START + PERFORM_STEPS, DISTANCE)
+        joints, base = crawl(body, PERFORM_START + PERFORM_STEPS, DISTANCE)
         arrays[f"truth/{name}/joints"], arrays[f"truth/{name}/base"] = joints, base
         correct = rng.random() < story.right
         verdict = truth if correct else ("inappropriate" if truth == "appropriate" else "appropriate")
@@ -101,7 +101,7 @@ def _trial(
             "teacher_forward": 0.09 + 0.01 * float(rng.random()),
         }  # fmt: skip
         if story.found[index]:
-            watched, posed = _teacher(story, name, body, joints, base, truth, passes, rng)
+            watched, posed = teacher(story, name, body, joints, base, truth, passes, rng)
             arrays |= watched
             row |= posed
         else:
@@ -113,7 +113,7 @@ def _trial(
         row["self_error_initial"] = float(arrays["self/objective"][0])
         row["self_error_final"] = float(arrays["self/objective"][-1])
         rows.append(row)
-    joints, base = _crawl(student, PERFORM_START + PERFORM_STEPS, -1.0)
+    joints, base = crawl(student, PERFORM_START + PERFORM_STEPS, -1.0)
     arrays["truth/student/joints"], arrays["truth/student/base"] = joints, base
     if chosen is not None:
         arrays["perform/start_step"] = np.int64(PERFORM_START)  # type: ignore[assignment]
@@ -122,13 +122,13 @@ def _trial(
     return arrays, rows
 
 
-def _self_discovery(story: Story, rng: np.random.Generator) -> dict[str, Array]:
+def self_discovery(story: Story, rng: np.random.Generator) -> dict[str, Array]:
     steps = 51
     decay = np.exp(-np.arange(steps) / 12)[:, None] if story.models_fall else np.ones((steps, 1))
     decay = np.repeat(decay[::7], 7, axis=0)[:steps]
     start = np.array([rng.uniform(1, 3), 0.0, rng.uniform(-3, -1)])
     genome = decay * start + (1 - decay) * np.array([0.06, 0.0, 0.03])
-    genome[:, 1] = decay[:, 0] > 0.6
+    on_main = decay[:, 0] > 0.6
     jitter = rng.normal(0, 1e-3)
     objective = 0.01 + jitter**2 + 0.15 * decay[:, 0] * rng.uniform(0.8, 1.2)
     if not story.models_fall:
@@ -137,8 +137,10 @@ def _self_discovery(story: Story, rng: np.random.Generator) -> dict[str, Array]:
     tilt = rng.normal(0, 0.2, (10, 2))
     noise = rng.normal(0, 0.25, (10, 2))
     return {
-        "self/genome": genome,
-        "self/truth_genome": np.zeros(3),
+        "self/parents": np.stack([np.zeros(steps, int), np.where(on_main, 0, 1)], axis=1),
+        "self/angles": genome[:, [0, 2]],
+        "self/truth_parents": np.array([0, 1]),
+        "self/truth_angles": np.zeros(2),
         "self/error": 0.05 + 1.2 * decay[:, 0],
         "self/objective": objective,
         "self/commands": commands,
@@ -147,10 +149,12 @@ def _self_discovery(story: Story, rng: np.random.Generator) -> dict[str, Array]:
     }
 
 
-def _crawl(body: Morphology, steps: int, depth: float) -> tuple[Array, Array]:
+def crawl(body: Morphology, steps: int, depth: float) -> tuple[Array, Array]:
     time = np.arange(steps) * CONTROL_STEP
     wave = np.sin(math.pi * time)
-    joints = np.stack([0.5 * wave, 0.9 + 0.4 * np.sin(math.pi * time + 2)], axis=1)
+    joints = np.stack([0.5 * wave, *[0.9 + 0.4 * np.sin(math.pi * time + 2)] * 8], axis=1)[
+        :, : len(body.joints)
+    ]
     base = np.zeros((steps, 7))
     base[:, 0] = 0.02 * time - 0.15
     base[:, 1] = depth
@@ -177,7 +181,7 @@ def _bottom(body: Morphology, name: str, pose: Array) -> float:
     return float(pose[2, 3] - part.radius - abs(pose[2, 0]) * length / 2)
 
 
-def _truth_parts(body: Morphology, base: Array, joints: Array) -> Array:
+def truth_parts(body: Morphology, base: Array, joints: Array) -> Array:
     rows = []
     for name, pose in _world_poses(body, base, joints).items():
         part = body.parts[name]
@@ -185,12 +189,14 @@ def _truth_parts(body: Morphology, base: Array, joints: Array) -> Array:
         place = [pose[0, 3], HEIGHT - pose[2, 3], pose[1, 3]]
         if isinstance(part, Cuboid):
             rows.append([0, *place, roll, part.size[0], part.size[1], part.size[2]])
+        elif isinstance(part, Sphere):
+            rows.append([1, *place, roll, part.radius, 0.0, 0.0])
         else:
-            rows.append([2, *place, roll, part.radius, getattr(part, "length", 0.0), 0.02])
+            rows.append([2, *place, roll, part.radius, part.length, 0.02])
     return np.array(rows, dtype=float)
 
 
-def _teacher(
+def teacher(
     story: Story,
     name: str,
     body: Morphology,
@@ -201,18 +207,21 @@ def _teacher(
     rng: np.random.Generator,
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     rig = StereoRig()
-    parts = np.stack([_truth_parts(body, base[look], joints[look]) for look in LOOKS])
+    parts = np.stack([truth_parts(body, base[look], joints[look]) for look in LOOKS])
     images = np.stack([render(model, rig, 110) for model in parts])
     images = np.clip(images + rng.normal(0, 2, images.shape), 0, 255).astype(np.uint8)
     done = np.arange(passes + 1)  # row p is the model after p passes
     pair = np.maximum(done - 1, 0) * 3 // passes
     fall = np.exp(-done / (passes / 6)) if story.models_fall else np.ones(passes + 1)
-    offset = rng.normal(0, 0.08, (parts.shape[1], 8)) * np.array([0, 1, 1, 2, 6, 0.2, 0.2, 0.2])
-    history = parts[pair] + fall[:, None, None] * offset
+    like = parts[
+        :, np.minimum(np.arange(3), parts.shape[1] - 1)
+    ]  # whoever it is, the student imagines three parts
+    offset = rng.normal(0, 0.08, (3, 8)) * np.array([0, 1, 1, 2, 6, 0.2, 0.2, 0.2])
+    history = like[pair] + fall[:, None, None] * offset
     history[..., 5:] = np.maximum(history[..., 5:], 0.012)
     if not story.models_fall:
         history[1:, :, 1:4] += rng.normal(0, 0.01, (passes, 3, 3))
-    wrong = np.linalg.norm((history - parts[pair])[..., 1:4], axis=-1).mean(axis=1)
+    wrong = np.linalg.norm((history - like[pair])[..., 1:4], axis=-1).mean(axis=1)
     v, u = np.nonzero(images[0, 0] < 250)
     seen = rng.integers(0, len(v), (passes, 2))
     pixels = np.stack([u[seen], v[seen]], axis=-1) + rng.integers(-4, 5, (passes, 2, 2))

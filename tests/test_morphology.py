@@ -194,3 +194,46 @@ def test_a_robot_file_with_a_mistake_names_the_line(tmp_path) -> None:
     assert "refers to no part: 'leg'" in str(error.value)
     with pytest.raises(UserError, match="crawler"):
         load_robot("crawlr")
+
+
+def test_what_falls_off_takes_along_what_hangs_on_it() -> None:
+    tree = load_robot("four_tree")
+    assert list(tree.without("limb_a").parts) == ["body", "limb_c"]
+    assert list(tree.without("limb_a").joints) == ["joint_c"]
+    assert list(tree.without("limb_b").parts) == ["body", "limb_a", "limb_c"]
+    for nobody in ("body", "limb_x"):
+        with pytest.raises(KeyError):
+            tree.without(nobody)
+
+
+@given(st.floats(0.5, 2.0))
+def test_stretching_changes_the_length_of_limbs_alone(factor: float) -> None:
+    crawler = load_robot("crawler")
+    for name, part in crawler.stretched(factor).parts.items():
+        times = 1 if name == "body" else factor
+        assert part.length_along_x == pytest.approx(crawler.parts[name].length_along_x * times)
+        assert part.density == crawler.parts[name].density
+    one = crawler.stretched([1, factor, 3])
+    assert one.parts["limb_a"] == crawler.parts["limb_a"]
+    assert one.parts["limb_b"].length_along_x == pytest.approx(0.2 * factor)
+    box = Cuboid(size=(0.1, 0.2, 0.3)).stretched(factor)
+    assert box.size == pytest.approx((0.1 * factor, 0.2, 0.3))
+    assert Sphere(radius=0.1).stretched(factor).radius == pytest.approx(0.1 * factor)
+
+
+def test_rest_is_as_flat_as_the_joints_allow() -> None:
+    assert load_robot("quadruped").rest.tolist() == [0.0] * 8
+    assert np.degrees(load_robot("locked").rest) == pytest.approx([0, 29.5])
+    lowered = load_robot("crawler").varied(joints={"joint_a": {"limits_deg": (-60, -10)}})
+    assert np.degrees(lowered.rest) == pytest.approx([-10, 0])
+    assert load_robot("locked").resting_height() > 0.1 * math.sin(math.radians(29.5))
+
+
+def test_a_robots_file_is_read_anew_when_it_was_changed(tmp_path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("name: mine\nparts:\n  body: {shape: sphere, radius: 0.1}\n")
+    assert load_robot(file) == load_robot(file)
+    file.write_text("name: mine\nparts:\n  body: {shape: sphere, radius: 0.125}\n")
+    body = load_robot(file).parts["body"]
+    assert isinstance(body, Sphere)
+    assert body.radius == 0.125

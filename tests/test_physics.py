@@ -102,3 +102,46 @@ def test_heading_does_not_show_in_the_tilt() -> None:
     tilted = Rotation.from_euler("xy", [0.2, -0.4])
     turned = Rotation.from_euler("z", 1.3) * tilted
     assert tilt_of(turned.as_quat()) == pytest.approx(tilt_of(tilted.as_quat()))
+
+
+def test_a_seized_joint_holds_what_its_servo_could_not() -> None:
+    weak = load_robot("crawler").varied(joints={"joint_a": {"torque": 0.01}})
+
+    def sag(*, locked: bool) -> float:
+        with Simulation() as simulation:
+            simulation.add("robot", weak)
+            base = simulation.base("robot")
+            simulation.pose("robot", base, np.array([-0.8, 0.0]))
+            if locked:
+                simulation.lock("robot", "joint_a")
+            simulation.command("robot", np.array([-0.8, 0.0]))
+            simulation.step(120)
+            return abs(float(simulation.joints("robot")[0]) + 0.8)
+
+    assert sag(locked=False) > 0.3
+    assert sag(locked=True) < 0.02
+
+
+def test_a_body_of_another_shape_takes_the_place_and_posture_of_the_one_before() -> None:
+    with Simulation() as simulation:
+        simulation.add("robot", load_robot("crawler"), place=(0.3, -0.2), yaw=0.7)
+        simulation.command("robot", np.array([0.4, -0.3]))
+        simulation.step(240)
+        base, joints = simulation.base("robot"), simulation.joints("robot")
+        simulation.replace("robot", load_robot("crawler").without("limb_b"))
+        assert simulation.base("robot") == pytest.approx(base)
+        assert simulation.joints("robot") == pytest.approx(joints[:1])
+        simulation.reset("robot")
+        assert simulation.base("robot")[:2] == pytest.approx((0.3, -0.2))
+        assert 2 * math.atan2(*simulation.base("robot")[5:7]) == pytest.approx(0.7)
+
+
+def test_a_pushed_ball_rolls_without_slipping() -> None:
+    with Simulation() as simulation:
+        simulation.add("ball", load_robot("ball"))
+        simulation.push("ball", (0.3, -0.1))
+        simulation.step(240)
+        assert simulation.base("ball")[:2] == pytest.approx(
+            (0.3, -0.1), rel=0.06
+        )  # Bullet slows it down a little
+        assert simulation.speed("ball") == pytest.approx(0.3 / 0.07, rel=0.1)

@@ -198,7 +198,7 @@ def trial_with(folder: Path, **arrays: object) -> Trial:
 def test_the_page_counts_looks_and_parts(tmp_path: Path) -> None:
     def lead(folder: Path, **arrays: object) -> str:
         trial_with(folder, **arrays)
-        return teacher_modelling(Desk(read_run(folder)), read_run(folder).trials[0])
+        return teacher_modelling(Desk.of(read_run(folder)), read_run(folder).trials[0])
 
     text = lead(tmp_path / "three")
     assert "looks at each candidate three times and imagines bodies of three parts" in text
@@ -316,7 +316,8 @@ def test_robots_kept_in_the_run_directory_are_found(tmp_path: Path) -> None:
     file = folder / "scenario.resolved.yaml"
     file.write_text(file.read_text().replace("robot: splayed", "robot: robots/mine.yaml"))
     moved = folder.rename(tmp_path / "moved")
-    bodies = Desk(read_run(moved)).bodies
+    run = read_run(moved)
+    bodies = Desk.of(run).bodies(run.trials[0])
     assert bodies["teacher_1"].name == "splayed"
     assert bodies["student"].name == "crawler"
 

@@ -21,7 +21,7 @@ from testbed.report.film import Camera, floor, paint
 from testbed.report.motion import sticks
 from testbed.report.outlines import outline
 from testbed.report.pictures import robot_picture
-from testbed.student.self_model import BodyPrior, self_model
+from testbed.student.body.self_model import BodyPrior, self_model
 from testbed.vision import StereoRig, render
 from testbed.world.optics import projection_matrix, view_matrix
 

@@ -204,7 +204,8 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_real_command_writes_verdicts_and_a_report(reference: Path) -> None:
     contents = json.loads(_verdicts(reference))
-    assert len(contents["verdicts"]) == 6
+    assert [row["student"] for row in contents["verdicts"]] == ["like_me", "like_me", "paper", "paper"] * 3
+    assert len(contents["selves"]) == 6
     for row in contents["verdicts"]:
         assert {"teacher", "robot", "truth", "verdict", "score"} <= set(row)
         assert {row["truth"], row["verdict"]} <= {"appropriate", "inappropriate"}

@@ -148,7 +148,7 @@ def test_a_student_that_a_genome_describes_passes(tmp_path: Path, robot: str) ->
 @pytest.mark.parametrize(
     ("robot", "fragments"),
     [
-        (PARTS.replace("joints:", "joints: {}").split("  upper")[0], ["two joints", "'mine' has 0"]),
+        (PARTS.replace("joints:", "joints: {}").split("  upper")[0], ["1 to 26 joints", "'mine' has 0"]),
         (PARTS + LOWER + UPPER, ["list the joints from the main body outward"]),
         (PARTS + UPPER + LOWER.replace("-30}", "-30, along: 0.5}"), ["hinges at the far end"]),
         (PARTS + UPPER.replace("20}", "20, height: 0.02}") + LOWER, ["at height 0"]),
@@ -228,7 +228,7 @@ def seen(points: np.ndarray, rig: RigSpec, pan: float) -> np.ndarray:
 
 def body_points(scenario: Scenario, index: int, count: int) -> np.ndarray:
     """(N, 3) points along the flat body on the ground, and the highest point above its middle."""
-    named = {f"teacher_{i}": BODIES[teacher.robot] for i, teacher in enumerate(scenario.teachers)}
+    named = {f"teacher_{i}": BODIES[str(teacher.robot)] for i, teacher in enumerate(scenario.teachers)}
     body = named[f"teacher_{index}"]
     spot = placements(scenario, named)[f"teacher_{index}"]
     least, most, highest = body.reach()

@@ -32,7 +32,6 @@ def test_a_bare_word_names_the_student() -> None:
 
 BAD = [
     ("name: x", 1, ["'teachers' is missing", "add 'teachers: ...'"]),
-    ("teachers: []", 1, ["needs a teacher", "- robot: crawler"]),
     ("teachers:", 1, ["teachers has no value", "a list"]),
     ("teachers:\n" + "  - {robot: crawler, gait: crawl}\n" * 9, 1, ["9 values", "at most 8"]),
     ("teachers:\n  - {gait: crawl}", 2, ["teachers[0] has no 'robot'", "add 'robot: ...'"]),

@@ -14,6 +14,7 @@ from testbed.experiment.statistics import (
     auc,
     auc_interval,
     bootstrap_mean,
+    bootstrap_median,
     mean_sem,
     paired_test,
     share_interval,
@@ -236,3 +237,10 @@ def _trials(count: int, seed: int = 0, gap: float = 0.8) -> tuple[np.ndarray, np
     generator = np.random.default_rng(seed)
     truths = np.tile([True, False], count)
     return generator.normal(truths * gap), truths, np.repeat(np.arange(count), 2)
+
+
+def test_the_bootstrap_of_a_median_agrees_with_scipy() -> None:
+    values = rng().normal(size=41)
+    theirs = stats.bootstrap((values,), np.median, method="percentile", random_state=1).confidence_interval
+    assert bootstrap_median(values, rng()) == pytest.approx((theirs.low, theirs.high), abs=0.08)
+    assert math.isnan(bootstrap_median([1.0], rng()).low)

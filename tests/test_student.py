@@ -15,20 +15,34 @@ from testbed.errors import UserError
 from testbed.experiment.truth import is_like, self_model_error
 from testbed.morphology import Morphology, load_robot
 from testbed.physics import Simulation
-from testbed.student.imagination import Imagination
-from testbed.student.imitation import controller, correspondence, evolve_controller, imitation_error
+from testbed.student.body.imagination import Imagination
+from testbed.student.body.self_discovery import (
+    evolve_self_model,
+    mutate,
+    random_commands,
+    random_genome,
+    tilt_error,
+)
+from testbed.student.body.self_model import (
+    BodyPrior,
+    branch_columns,
+    genome_of,
+    self_model,
+    tree_of,
+    true_genome,
+)
+from testbed.student.judging.verdict import judge
+from testbed.student.motion import TeacherMotion
+from testbed.student.moving.imitation import controller, correspondence, evolve_controller, imitation_error
+from testbed.student.moving.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.parameters import (
     ImaginationParameters,
     ImitationParameters,
-    PaperParameters,
     SelfDiscoveryParameters,
+    StudentParameters,
     VerdictParameters,
 )
-from testbed.student.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.search import HillClimber, choose_variables
-from testbed.student.self_discovery import evolve_self_model, mutate, random_commands, tilt_error
-from testbed.student.self_model import BodyPrior, self_model, true_genome
-from testbed.student.verdict import judge
 from testbed.vision.camera import StereoRig
 from testbed.vision.foreground import find_candidates
 
@@ -48,16 +62,49 @@ def test_the_prior_says_nothing_about_how_the_parts_are_joined() -> None:
     assert BodyPrior.of(CRAWLER) == BodyPrior.of(load_robot("splayed")) == BodyPrior.of(raised)
 
 
-def test_the_prior_needs_two_limbs() -> None:
-    one = Morphology.model_validate(
+def test_the_prior_needs_a_limb() -> None:
+    one = Morphology.model_validate({"name": "one", "parts": {"body": {"shape": "sphere", "radius": 0.1}}})
+    with pytest.raises(UserError, match="has 0"):
+        BodyPrior.of(one)
+
+
+@given(limbs=st.integers(1, 8), seed=st.integers(0, 2**32 - 1))
+def test_a_genome_tells_every_tree_of_limbs(limbs: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    genome = random_genome(limbs, rng)
+    parents, angles = tree_of(genome)
+    assert all(0 <= parent <= limb for limb, parent in enumerate(parents))
+    assert np.array_equal(genome_of(parents, angles), genome)
+    part = {"shape": "capped_cylinder", "radius": 0.01, "length": 0.2}
+    box = {"shape": "cuboid", "size": [0.14, 0.11, 0.05]}
+    body = Morphology.model_validate(
         {
-            "name": "one",
-            "parts": {"body": {"shape": "sphere", "radius": 0.1}, "arm": {"shape": "sphere", "radius": 0.02}},
-            "joints": {"j": {"parent": "body", "child": "arm"}},
+            "name": "some",
+            "parts": {
+                "body": box,
+                **dict.fromkeys("abcdefgh"[:limbs], part),
+            },
+            "joints": {
+                f"j{limb}": {
+                    "parent": "abcdefgh"[parent - 1] if parent else "body",
+                    "child": "abcdefgh"[limb],
+                    "angle_deg": math.remainder(math.degrees(angle), 360),
+                }
+                for limb, (parent, angle) in enumerate(zip(parents, angles, strict=True))
+            },
         }
     )
-    with pytest.raises(UserError, match="two joints"):
-        BodyPrior.of(one)
+    again = true_genome(body)
+    assert np.allclose(again[branch_columns(limbs)], genome[branch_columns(limbs)])
+    assert self_model_error(self_model(BodyPrior.of(body), genome), body) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_motion_is_sampled_evenly_and_mixed_between_its_moments() -> None:
+    parts = np.arange(4.0)[:, None, None] * np.ones((1, 1, 8))
+    motion = TeacherMotion(np.arange(4.0), parts)
+    assert motion.sampled(2)[:, 0, 0].tolist() == [1.0, 3.0]
+    assert motion.sampled(4)[:, 0, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert motion.sampled(8)[:, 0, 0].tolist() == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
 
 
 @pytest.mark.parametrize("name", ["crawler", "splayed"])
@@ -297,7 +344,7 @@ def test_every_student_can_be_hurried(pairs: int, passes: int, iterations: int) 
     if length < 2:
         return
     samples = min(count for count in range(2, length + 1) if length % count == 0)
-    parameters = PaperParameters.model_validate(
+    parameters = StudentParameters.model_validate(
         {"teacher_modelling": modelling, "imitation": {"samples": samples}}
     )
     hasty = parameters.smoke()

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from testbed.student import _mutation
 from testbed.student.parameters import TeacherModellingParameters
-from testbed.student.teacher_modelling import Modelling, TeacherRecord, draw, random_models
+from testbed.student.seeing import _mutation
+from testbed.student.seeing.teacher_modelling import Modelling, TeacherRecord, draw, random_models
 from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE, StereoRig, luminosity, render
 
 RIG = StereoRig()
@@ -196,10 +196,7 @@ def test_a_full_run_records_what_imitation_reads() -> None:
     assert record.pixels.shape == (3000, 2, 2)
     assert record.pixels.dtype == np.int16
     assert record.images.shape == (3, 2, 75, 100)
-    assert record.sampled().shape == (240, 3, 8)
-    assert np.array_equal(record.sampled()[-1], record.final)
-    with pytest.raises(ValueError, match="evenly"):
-        record.sampled(7)
+    assert np.array_equal(record.motion.sampled(240), record.history[99::100])
 
 
 def overlap(model: Array, images: Images) -> float:

@@ -13,14 +13,13 @@ import pytest
 
 import testbed.student
 from testbed.errors import UserError
-from testbed.experiment import trial as trials
-from testbed.experiment.record import TrialResult
-from testbed.experiment.trial import live, match, run_trial
+from testbed.experiment.record import Row, TrialResult
+from testbed.experiment.trial import live, run_trial, student_of
+from testbed.experiment.trial_report import match
 from testbed.scenario import Scenario
-from testbed.student.agent import PaperStudent
+from testbed.student.agent import Student
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
-from testbed.world.placement import STUDENT
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +33,17 @@ def same(one: TrialResult, other: TrialResult) -> bool:
     )
 
 
-def test_a_trial_has_a_row_for_each_teacher(result: TrialResult) -> None:
-    names = [(row["teacher"], row["robot"], row["truth"]) for row in result.rows]
+def verdicts(result: TrialResult) -> list[Row]:
+    return [row for row in result.rows if row["kind"] == "verdict"]
+
+
+def test_a_trial_has_a_row_for_each_teacher_and_one_for_the_student(result: TrialResult) -> None:
+    names = [(row["teacher"], row["robot"], row["truth"]) for row in verdicts(result)]
     assert names == [("teacher_0", "crawler", "appropriate"), ("teacher_1", "splayed", "inappropriate")]
-    for row in result.rows:
+    (itself,) = (row for row in result.rows if row["kind"] == "self")
+    assert itself["student"] == "paper"
+    assert itself["topology_right"] in (True, False)
+    for row in verdicts(result):
         assert row["found"]
         assert row["verdict"] in ("appropriate", "inappropriate")
         assert isinstance(row["score"], float)
@@ -48,7 +54,7 @@ def test_arrays_have_the_shapes_that_the_documentation_tells(result: TrialResult
     parameters = hasty.student.parameters
     shapes = {key: value.shape for key, value in result.arrays.items()}
     iterations, passes = parameters.imitation.iterations, 3 * parameters.teacher_modelling.passes_per_image
-    assert shapes["self/genome"] == (parameters.self_discovery.iterations + 1, 3)
+    assert shapes["self/parents"] == shapes["self/angles"] == (parameters.self_discovery.iterations + 1, 2)
     assert shapes["teacher_0/images"] == (3, 2, 75, 100)
     assert shapes["teacher_0/model_history"] == (passes + 1, 3, 8)
     assert shapes["teacher_0/model_position_error"] == (passes + 1,)
@@ -96,7 +102,7 @@ def test_swapping_names_order_and_labels_changes_nothing_that_the_student_does(
     result: TrialResult, hasty: Scenario
 ) -> None:
     swapped = run_trial(relabelled(hasty), 0)
-    for ours, theirs in zip(result.rows, reversed(swapped.rows), strict=True):
+    for ours, theirs in zip(verdicts(result), reversed(verdicts(swapped)), strict=True):
         assert ours["robot"] == theirs["robot"]
         assert ours["truth"] != theirs["truth"]
         assert (ours["verdict"], ours["score"]) == (theirs["verdict"], theirs["score"])
@@ -109,7 +115,7 @@ def test_swapping_names_order_and_labels_changes_nothing_that_the_student_does(
 class Recorder:
     """Keeps what a student senses and does."""
 
-    def __init__(self, student: PaperStudent) -> None:
+    def __init__(self, student: Student) -> None:
         self.student = student
         self.sensed: list[dict[str, Any]] = []
         self.done_actions: list[bytes] = []
@@ -134,28 +140,29 @@ def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) ->
     backend = SimulatedBackend(hasty)
     world = World(hasty, backend=backend)
     seeds = np.random.SeedSequence(7)
-    recorder = Recorder(trials._student(hasty, backend.robots[STUDENT], seeds, trials.silent))
+    recorder = Recorder(student_of(hasty, seeds))
     live(world, backend, recorder, seed=11)  # type: ignore[arg-type]
-    splayed = backend.robots["teacher_1"]
     world.close()
 
     elsewhere = hasty.world.model_copy(update={"ground_friction": 0.3, "gravity": 4.9, "tilt_noise_deg": 9.0})
-    other = hasty.model_copy(update={"world": elsewhere})
-    blind = trials._student(other, splayed, np.random.SeedSequence(7), trials.silent)
+    splayed = hasty.student.model_copy(update={"robot": "splayed"})
+    other = hasty.model_copy(update={"world": elsewhere, "student": splayed})
+    blind = student_of(other, np.random.SeedSequence(7))
     assert [blind.act(sensed).tobytes() for sensed in recorder.sensed] == recorder.done_actions
     ours, theirs = recorder.student.life, blind.life
     assert ours is not None
     assert theirs is not None
-    assert [c.verdict for c in ours.candidates] == [c.verdict for c in theirs.candidates]
-    assert np.array_equal(ours.self_discovery.genomes, theirs.self_discovery.genomes)
-    for one, other in zip(ours.candidates, theirs.candidates, strict=True):
-        assert np.array_equal(one.model.history, other.model.history)
+    assert np.array_equal(ours.selves["paper"].genomes, theirs.selves["paper"].genomes)
+    for candidate, another in zip(ours.candidates, theirs.candidates, strict=True):
+        one, other = candidate.judgements["paper"], another.judgements["paper"]
+        assert one.verdict == other.verdict
+        assert np.array_equal(one.model.motion.parts, other.model.motion.parts)
         assert np.array_equal(one.imitation.weights, other.imitation.weights)
 
 
 def test_the_students_room_has_no_window_to_the_world() -> None:
     """Nothing in testbed/student imports the world, the scenario, the experiment or a backend."""
-    for file in Path(testbed.student.__file__).parent.glob("*.py"):
+    for file in Path(testbed.student.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
             modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
@@ -172,9 +179,9 @@ def test_who_finds_an_appropriate_teacher_imitates_it_and_its_path_is_recorded(h
     parameters = hasty.student.parameters.model_validate(hasty.student.parameters.model_dump() | generous)
     student = hasty.student.model_copy(update={"parameters": parameters})
     result = run_trial(hasty.model_copy(update={"student": student}), 0)
-    chosen = [row for row in result.rows if row["chosen"]]
+    chosen = [row for row in verdicts(result) if row["chosen"]]
     assert len(chosen) == 1
-    assert chosen[0]["score"] == max(row["score"] for row in result.rows)
+    assert chosen[0]["score"] == max(row["score"] for row in verdicts(result))
     steps, start = int(result.arrays["perform/steps"]), int(result.arrays["perform/start_step"])
     assert steps == parameters.imitation.samples
     assert result.arrays["perform/path"].shape == (steps + 1, 3)

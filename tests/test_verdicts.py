@@ -47,7 +47,7 @@ def test_rows_are_listed_by_trial_and_teacher_as_numbers() -> None:
 def test_the_file_is_json_with_its_keys_in_order() -> None:
     text = text_of(rows_of(3))
     contents = json.loads(text)
-    assert list(contents) == ["scenario", "hash", "verdicts", "summary"]
+    assert list(contents) == ["scenario", "hash", "verdicts", "selves", "summary"]
     first = ["trial", "cell", "student", "teacher", "robot", "truth", "verdict", "score"]
     assert list(contents["verdicts"][0])[:8] == first
     assert text.endswith("}\n")
@@ -122,3 +122,46 @@ def test_writing_replaces_the_file(tmp_path: Path) -> None:
         file = verdicts.write(tmp_path, contents)
         assert file.read_text() == verdicts.text(contents)
     assert [path.name for path in tmp_path.iterdir()] == ["verdicts.json"]
+
+
+def with_probabilities(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of a mind that says 90% of what is appropriate, and 20% of what is not, and whose controller errs."""
+    return [
+        {
+            **row,
+            "probability": 0.9 if row["truth"] == "appropriate" else 0.2,
+            "controller_score": -float(row["truth"] == "appropriate"),
+        }
+        for row in rows
+    ]
+
+
+def test_the_summary_has_calibration_and_the_controllers_area() -> None:
+    plain = verdicts.summarise(rows_of(6), 5)["paper"]
+    assert plain["calibration_error"] is None
+    assert plain["calibrated"] == 0
+    summary = verdicts.summarise(with_probabilities(rows_of(6)), 5)["paper"]
+    share = sum(row["truth"] == "appropriate" for row in rows_of(6)) / len(rows_of(6))
+    assert summary["calibration_error"] == pytest.approx(share * 0.1 + (1 - share) * 0.2)
+    assert summary["calibration_error_low"] <= summary["calibration_error"] + 1e-12
+    assert summary["calibrated"] == summary["n"]
+    assert summary["controller_auc"] == 0.0
+    assert summary["auc"] == plain["auc"]
+
+
+def test_rows_without_a_probability_are_left_out_of_the_calibration() -> None:
+    rows = with_probabilities(rows_of(6))
+    rows[0]["probability"] = None
+    assert verdicts.summarise(rows, 5)["paper"]["calibrated"] == len(rows) - 1
+
+
+def test_several_cells_have_a_summary_each_and_one_cell_has_none() -> None:
+    rows = rows_of(5)
+    assert "cells" not in json.loads(text_of(rows))
+    far = [{**row, "cell": "far", "verdict": row["truth"]} for row in rows]
+    contents = json.loads(text_of([*rows, *far]))
+    assert list(contents)[-2:] == ["summary", "cells"]
+    assert contents["cells"]["far"]["paper"]["accuracy"] == 1.0
+    own = str(rows[0]["cell"])
+    assert contents["cells"][own] == json.loads(text_of(rows))["summary"]
+    assert contents["summary"]["paper"]["n"] == 2 * len(rows)

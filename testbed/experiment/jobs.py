@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from testbed.scenario import Scenario
+from testbed.scenario import Scenario, cell_names, in_cell
 
 DEFAULT_CELL = "default"
 
@@ -22,4 +22,6 @@ class Job:
 
 def jobs_of(scenario: Scenario) -> tuple[Job, ...]:
     """Every trial that the scenario asks for, in the order in which results are listed."""
-    return tuple(Job(DEFAULT_CELL, trial) for trial in range(scenario.trials))
+    return tuple(
+        Job(cell, trial) for cell in cell_names(scenario) for trial in range(in_cell(scenario, cell).trials)
+    )

@@ -111,7 +111,7 @@ def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
     """Compute one trial: the student discovers itself, looks, imitates and decides."""
     from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
 
-    return run_trial(scenario, job.trial, progress)
+    return run_trial(scenario, job.trial, progress, cell=job.cell)
 
 
 def executor_for(workers: int) -> Executor:

@@ -6,7 +6,7 @@ Every resampling takes its generator as an argument, so that equal data and seed
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -87,7 +87,7 @@ def auc(scores: ArrayLike, positive: ArrayLike) -> float | None:
     Returns:
         A number in [0, 1], or None where one of the classes is absent.
     """
-    return _area(*_wins(scores, positive, np.zeros(np.size(scores))))
+    return _area(*pair_wins(scores, positive, np.zeros(np.size(scores))))
 
 
 def auc_interval(
@@ -115,16 +115,14 @@ def auc_interval(
     Returns:
         None with fewer than two trials, or where one of the classes is absent.
     """
-    wins, positives, negatives = _wins(scores, positive, trials)
+    wins, positives, negatives = pair_wins(scores, positive, trials)
     area = _area(wins, positives, negatives)
     count = len(wins)
     if area is None or count < 2:
         return None
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples).astype(float)
-    pairs = (drawn @ positives) * (drawn @ negatives)
-    ordered = np.einsum("ri,ij,rj->r", drawn, wins, drawn, optimize=True)
-    areas = ordered[pairs > 0] / pairs[pairs > 0]  # a resample without one of the classes has no area
-    low, high = _quantiles(areas, confidence)
+    areas = areas_of(drawn, wins, positives, negatives)
+    low, high = quantiles(areas[np.isfinite(areas)], confidence)
     if high - low < 1e-12:
         low, high = _wilson(area, count, float(stats.norm.ppf(0.5 + confidence / 2)))
     return Interval(low, high)
@@ -161,7 +159,7 @@ def share_interval(
     if count > 1:
         hits, sizes = np.bincount(trial, values), np.bincount(trial)
         drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
-        low, high = _quantiles((drawn @ hits) / (drawn @ sizes), confidence)
+        low, high = quantiles((drawn @ hits) / (drawn @ sizes), confidence)
         if high - low > 1e-12:
             return Interval(low, high)
     return wilson(int(values.sum()), values.size, confidence)
@@ -178,7 +176,7 @@ def paired_test(start: ArrayLike, end: ArrayLike, rng: np.random.Generator) -> P
     Raises:
         ValueError: If the lengths differ, there is no pair, or a value is not finite.
     """
-    before, after = _finite(start), _finite(end)
+    before, after = checked(start), checked(end)
     if before.shape != after.shape or before.size == 0:
         raise ValueError("start and end must have the same number of values, at least one")
     change = after - before
@@ -200,11 +198,23 @@ def bootstrap_mean(
     values: ArrayLike, rng: np.random.Generator, *, confidence: float = 0.95, resamples: int = RESAMPLES
 ) -> Interval:
     """Percentile bootstrap interval of a mean; NaN, NaN for a single value."""
-    data = _finite(values)
+    return _bootstrap(values, np.mean, rng, confidence, resamples)
+
+
+def bootstrap_median(
+    values: ArrayLike, rng: np.random.Generator, *, confidence: float = 0.95, resamples: int = RESAMPLES
+) -> Interval:
+    """Percentile bootstrap interval of a median; NaN, NaN for a single value."""
+    return _bootstrap(values, np.median, rng, confidence, resamples)
+
+
+def _bootstrap(
+    values: ArrayLike, of: Callable[..., Any], rng: np.random.Generator, confidence: float, resamples: int
+) -> Interval:
+    data = checked(values)
     if data.size < 2:
         return Interval(math.nan, math.nan)
-    means = data[rng.integers(data.size, size=(resamples, data.size))].mean(axis=1)
-    return _quantiles(means, confidence)
+    return quantiles(of(data[rng.integers(data.size, size=(resamples, data.size))], axis=1), confidence)
 
 
 def mean_sem(values: ArrayLike, axis: int = 0) -> MeanSem:
@@ -217,9 +227,9 @@ def mean_sem(values: ArrayLike, axis: int = 0) -> MeanSem:
     return MeanSem(mean, data.std(axis=axis, ddof=1) / math.sqrt(n))
 
 
-def _wins(scores: ArrayLike, positive: ArrayLike, trials: ArrayLike) -> tuple[Vector, Vector, Vector]:
-    """How many positives of each trial beat negatives of each other; the positives, the negatives."""
-    values, truth = _finite(scores), np.asarray(positive, dtype=bool)
+def pair_wins(scores: ArrayLike, positive: ArrayLike, trials: ArrayLike) -> tuple[Vector, Vector, Vector]:
+    """(trials, trials) how many positives of a trial beat negatives of another; (trials,) positives, and negatives."""
+    values, truth = checked(scores), np.asarray(positive, dtype=bool)
     names, trial = np.unique(np.asarray(trials), return_inverse=True)
     if not values.shape == truth.shape == trial.shape:
         raise ValueError("scores, truths and trials must have the same number of values")
@@ -229,12 +239,27 @@ def _wins(scores: ArrayLike, positive: ArrayLike, trials: ArrayLike) -> tuple[Ve
     return member @ compared @ member.T, member @ truth, member @ ~truth
 
 
+def areas_of(drawn: Vector, wins: Vector, positives: Vector, negatives: Vector) -> Vector:
+    """The AUC of each resample; NaN for one without one of the classes.
+
+    Args:
+        drawn: (resamples, trials) how often each trial was drawn.
+        wins: (trials, trials) see :func:`pair_wins`; ``positives`` and ``negatives`` too.
+        positives: (trials,)
+        negatives: (trials,)
+    """
+    pairs = (drawn @ positives) * (drawn @ negatives)
+    ordered = np.einsum("ri,ij,rj->r", drawn, wins, drawn, optimize=True)
+    return np.asarray(np.divide(ordered, pairs, out=np.full(len(drawn), math.nan), where=pairs > 0))
+
+
 def _area(wins: Vector, positives: Vector, negatives: Vector) -> float | None:
     pairs = positives.sum() * negatives.sum()
     return float(wins.sum() / pairs) if pairs else None
 
 
-def _quantiles(values: Vector, confidence: float) -> Interval:
+def quantiles(values: Vector, confidence: float) -> Interval:
+    """The interval that holds the middle ``confidence`` of the values."""
     low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
     return Interval(float(low), float(high))
 
@@ -250,7 +275,12 @@ def _check_count(successes: int, n: int) -> None:
         raise ValueError(f"{successes} successes of {n} is no proportion")
 
 
-def _finite(values: ArrayLike) -> Vector:
+def checked(values: ArrayLike) -> Vector:
+    """The values as an array (n,).
+
+    Raises:
+        ValueError: If one is not finite.
+    """
     data = np.asarray(values, dtype=float).ravel()
     if not np.all(np.isfinite(data)):
         raise ValueError("every value must be a finite number")

@@ -22,9 +22,30 @@ from testbed.experiment.record import TrialResult
 
 _ARRAYS = b"testbed.arrays_sha256"
 _ROWS = b"testbed.rows_sha256"
-_TEXT = ("cell", "student", "teacher", "robot", "truth", "verdict")
+_TEXT = (
+    "kind",
+    "cell",
+    "student",
+    "teacher",
+    "robot",
+    "truth",
+    "verdict",
+    "reason",
+    "controller_verdict",
+    "best_other",
+    "damage",
+    "damage_found",
+)
 _WHOLE = ("trial",)
-_FLAGS = ("found", "chosen")
+_FLAGS = (
+    "found",
+    "chosen",
+    "parts_in_place",
+    "topology_right",
+    "identifiable",
+    "posterior_holds_truth",
+    "damage_named_right",
+)
 
 
 class DamagedError(Exception):

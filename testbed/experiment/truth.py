@@ -6,27 +6,31 @@ are measured; each function below says how it is done here.
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Part, Sphere, Vector
-from testbed.student.rolls import headings, read_rolls, roll_of
+from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Part, Sphere, Vector
+from testbed.student.moving.rolls import headings, read_rolls, roll_of
 from testbed.vision.camera import StereoRig
 from testbed.vision.kernel import render
 from testbed.vision.primitives import CAPPED_CYLINDER, CUBOID, OMEGA, SPHERE, X, Z
 
 WHITE = 255
-_POSTURES = np.radians(list(itertools.product((-60.0, 0.0, 60.0), repeat=2)))
+_POSTURES = (-60.0, 0.0, 60.0)
+"""Degrees of each joint in the postures in which self-models are compared."""
+_MOST_POSTURES = 81
+_MOVES = 10.0
+"""A joint whose travel (degrees) is smaller than this does not move its limb: the two are one stiff part."""
 
 
 def is_like(student: Morphology, teacher: Morphology) -> bool:
     """Whether a teacher is appropriate: the same parts joined in the same way, whatever its size.
 
-    Parts are compared by their place in the tree and their shape, mounting angles after rounding to a degree.
+    Parts are compared by their place in the tree and their shape, mounting angles after rounding to a degree, joints
+    by whether they move at all.
     """
     return _plan(student) == _plan(teacher)
 
@@ -34,7 +38,7 @@ def is_like(student: Morphology, teacher: Morphology) -> bool:
 def _plan(body: Morphology) -> tuple[object, ...]:
     def branch(part: str) -> tuple[object, ...]:
         limbs = sorted(
-            (round(joint.angle_deg) % 360, round(joint.along, 2), branch(joint.child))
+            (round(joint.angle_deg) % 360, round(joint.along, 2), _moves(joint), branch(joint.child))
             for joint in body.joints.values()
             if joint.parent == part
         )
@@ -43,14 +47,20 @@ def _plan(body: Morphology) -> tuple[object, ...]:
     return branch(body.root)
 
 
+def _moves(joint: Joint) -> bool:
+    low, high = joint.limits_deg
+    return high - low >= _MOVES
+
+
 def self_model_error(believed: Morphology, true: Morphology) -> float:
     """How far a self-model's parts are from where they really are, in metres.
 
-    The mean distance between the centres of believed and true limbs in the frame of the main body, over nine
-    postures (each joint at -60, 0 and 60 degrees); limbs are matched by the motor that moves them.
+    The mean distance between the centres of believed and true limbs in the frame of the main body, over all postures
+    with each joint at -60, 0 or 60 degrees (of more than 81 an even choice); limbs are matched by the motor that moves
+    them.
     """
     distances = []
-    for posture in _POSTURES:
+    for posture in _postures(len(true.joints)):
         pairs = zip(
             _limb_centres(believed, posture),
             _limb_centres(true, posture),
@@ -58,6 +68,14 @@ def self_model_error(believed: Morphology, true: Morphology) -> float:
         )
         distances += [float(np.linalg.norm(ours - theirs)) for ours, theirs in pairs]
     return float(np.mean(distances))
+
+
+def _postures(joints: int) -> Vector:
+    count = len(_POSTURES) ** joints
+    stride = 1 if count <= _MOST_POSTURES else count // _MOST_POSTURES + 1
+    chosen = np.arange(min(count, _MOST_POSTURES)) * stride % count
+    digits = chosen[:, None] // len(_POSTURES) ** np.arange(joints)[::-1] % len(_POSTURES)
+    return np.asarray(np.radians(np.array(_POSTURES)[digits]))
 
 
 def _limb_centres(body: Morphology, posture: Vector) -> list[Vector]:

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from testbed.experiment.atomic import write_text
+from testbed.experiment.calibration import calibration_error, calibration_interval
+from testbed.experiment.roc import Scored
 from testbed.experiment.statistics import SHARE_SEED, Interval, auc, auc_interval, share_interval
 
 FILE = "verdicts.json"
@@ -44,7 +46,10 @@ def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
     Returns:
         For each student: ``n`` verdicts and ``trials``; ``auc`` with its interval over trials (None where it
         cannot be told, rows without a score left out); ``accuracy``, the share of right verdicts, with its
-        interval over trials; ``found``, how many candidates the student found by itself.
+        interval over trials; ``calibration_error`` with its interval over trials (only rows with a probability, see
+        :mod:`testbed.experiment.calibration`) and how many rows ``calibrated`` counts; ``controller_auc``, the same
+        as ``auc`` by the controller alone, whatever the verdict was drawn from; ``found``, how many candidates the
+        student found by itself.
     """
     students = dict.fromkeys(str(row["student"]) for row in rows)
     return {
@@ -53,24 +58,39 @@ def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
 
 
 def document(name: str, hash8: str, rows: Iterable[Row], seed: int) -> dict[str, Any]:
-    """The contents of ``verdicts.json``, before rounding: rows by cell, trial, student and teacher."""
+    """The contents of ``verdicts.json``, before rounding: rows by cell, trial, student and teacher.
+
+    Beside the verdicts it lists what every mind came to believe of itself, one row a mind and trial. Where there are
+    several cells, ``cells`` has the summary of each by its name.
+    """
     ordered = sorted(
-        rows, key=lambda row: (row["cell"], row["trial"], row["student"], _natural(row["teacher"]))
+        rows,
+        key=lambda row: (row["cell"], row["trial"], row["student"], _natural(row.get("teacher") or "")),
     )
-    return {
+    judged = [row for row in ordered if row.get("kind", "verdict") == "verdict"]
+    cells = dict.fromkeys(str(row["cell"]) for row in judged)
+    contents = {
         "scenario": name,
         "hash": hash8,
-        "verdicts": _filled(ordered),
-        "summary": summarise(ordered, seed),
+        "verdicts": _filled(judged, _FIRST),
+        "selves": _filled([row for row in ordered if row.get("kind") == "self"], _FIRST[:3]),
+        "summary": summarise(judged, seed),
     }
+    if len(cells) > 1:
+        contents["cells"] = {
+            cell: summarise([row for row in judged if row["cell"] == cell], seed) for cell in cells
+        }
+    return contents
 
 
 def text(contents: Mapping[str, Any]) -> str:
     """``verdicts.json`` as text: one row a line, nine significant digits, NaN written as null."""
     head = [f'  "{key}": {_json(contents[key])}' for key in ("scenario", "hash")]
-    rows = ",\n".join(f"    {_json(row)}" for row in contents["verdicts"])
-    summaries = ",\n".join(f"    {_json(key)}: {_json(value)}" for key, value in contents["summary"].items())
-    body = [*head, f'  "verdicts": [\n{rows}\n  ]', f'  "summary": {{\n{summaries}\n  }}']
+    body = [
+        *head,
+        *(f'  "{key}": [\n{_lines(contents[key])}\n  ]' for key in ("verdicts", "selves")),
+        *(f'  "{key}": {_by_name(contents[key])}' for key in ("summary", "cells") if key in contents),
+    ]
     return "{\n" + ",\n".join(body) + "\n}\n"
 
 
@@ -85,20 +105,39 @@ def write(folder: Path, contents: Mapping[str, Any]) -> Path:
 
 
 def _summary(rows: Sequence[Row], seed: int) -> dict[str, Any]:
-    scored = [row for row in rows if _is_number(row["score"])]
-    scores = np.array([float(row["score"]) for row in scored])
-    positive = np.array([row["truth"] == "appropriate" for row in scored], dtype=bool)
-    area = auc(scores, positive)
-    spread = auc_interval(scores, positive, _trials(scored), np.random.default_rng([_BOOTSTRAP, seed]))
     right = [row["verdict"] == row["truth"] for row in rows]
     return {
         "n": len(rows),
         "trials": len({(row["cell"], row["trial"]) for row in rows}),
-        "auc": area,
-        **_named("auc", spread),
+        **_area_of(rows, "score", "auc", seed),
         "accuracy": sum(right) / len(rows),
         **_named("accuracy", share_interval(right, _trials(rows), np.random.default_rng(SHARE_SEED))),
+        **_calibration_of(rows, seed),
+        **_area_of(rows, "controller_score", "controller_auc", seed),
         "found": sum(bool(row["found"]) for row in rows),
+    }
+
+
+def scored(rows: Sequence[Row], column: str = "score") -> Scored:
+    """The rows that have a number in this column, as scores of what is truly appropriate."""
+    kept = [row for row in rows if _is_number(row.get(column))]
+    positive = np.array([row["truth"] == "appropriate" for row in kept], dtype=bool)
+    return Scored.of([float(row[column]) for row in kept], positive, _trials(kept))
+
+
+def _area_of(rows: Sequence[Row], column: str, name: str, seed: int) -> dict[str, float | None]:
+    having = scored(rows, column)
+    spread = auc_interval(*having, np.random.default_rng([_BOOTSTRAP, seed]))
+    return {name: auc(having.scores, having.positive), **_named(name, spread)}
+
+
+def _calibration_of(rows: Sequence[Row], seed: int) -> dict[str, float | int | None]:
+    having = scored(rows, "probability")
+    spread = calibration_interval(*having, np.random.default_rng([_BOOTSTRAP, seed]))
+    return {
+        "calibrated": len(having.scores),
+        "calibration_error": calibration_error(having.scores, having.positive),
+        **_named("calibration_error", spread),
     }
 
 
@@ -111,9 +150,26 @@ def _named(name: str, interval: Interval | None) -> dict[str, float | None]:
     return {f"{name}_low": low, f"{name}_high": high}
 
 
-def _filled(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Every row with every column, None where it does not apply, so that programs find what they look for."""
-    columns = dict.fromkeys((*_FIRST, *(name for row in rows for name in row)))
+def _by_name(contents: Mapping[str, Any]) -> str:
+    """A mapping as JSON, one name a line."""
+    listed = ",\n".join(f"    {_json(key)}: {_json(value)}" for key, value in contents.items())
+    return f"{{\n{listed}\n  }}"
+
+
+def _lines(rows: Sequence[Row]) -> str:
+    return ",\n".join(f"    {_json(row)}" for row in rows)
+
+
+def _filled(rows: Sequence[Row], first: Sequence[str]) -> list[dict[str, Any]]:
+    """Every row with every column, None where it does not apply, so that programs find what they look for.
+
+    Columns in which no row has anything are those of rows of another kind.
+    """
+    present = (
+        name for row in rows for name, value in row.items() if value is not None or row.get("kind") is None
+    )
+    columns = dict.fromkeys((*first, *present))
+    columns.pop("kind", None)
     return [{name: row.get(name) for name in columns} for row in rows]
 
 

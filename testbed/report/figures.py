@@ -11,9 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from testbed.morphology import Morphology
-from testbed.report.bodies import draw_self_models
+from testbed.report.bodies import draw_self_models, self_models
 from testbed.report.reading import Array, Row, Trial
 from testbed.report.seen import draw_imagined, models_of
 from testbed.report.series import Series, present_truths, self_series, teacher_series
@@ -25,7 +26,7 @@ _WIDE = 7.4
 
 @styled
 def figure_6(trials: Sequence[Trial], student: Morphology) -> Figure | None:
-    """Objective error of the student's self-models over the iterations of its search (Fig. 6)."""
+    """Objective error of the student's self-models over the iterations of its search, or over its commands (Fig. 6)."""
     objective = self_series(trials, "objective")
     if objective is None:
         return None
@@ -36,7 +37,9 @@ def figure_6(trials: Sequence[Trial], student: Morphology) -> Figure | None:
     _curve(axes, objective, INK)
     marks = [0, len(objective.steps) // 2, len(objective.steps) - 1]
     axes.plot(marks, objective.mean[marks], "o", color=INK, markersize=5, zorder=5, clip_on=False)
-    _finish(axes, objective, "iteration t", "objective error (m)")
+    models = self_models(trials[0], student)
+    counted = "iteration t" if models is None or models.unit == "t" else models.unit
+    _finish(axes, objective, counted, "objective error (m)")
     return figure
 
 
@@ -113,14 +116,14 @@ def figure_8(trials: Sequence[Trial]) -> Figure | None:
 
 
 @styled
-def score_figure(rows: Sequence[Row]) -> Figure | None:
+def score_figure(rows: Sequence[Row], *, roc: bool = True) -> Figure | None:
     """How the scores of true and false teachers lie, where the verdict falls, and the ROC curve."""
     truths = present_truths(rows)
     scores = {
         truth: np.sort([float(row["score"]) for row in rows if row["truth"] == truth]) for truth in truths
     }
     both = len(truths) == 2
-    enough = both and min(map(len, scores.values())) > 1
+    enough = roc and both and min(map(len, scores.values())) > 1
     figure = Figure(figsize=(_WIDE, 2.9 if enough else 1.7), layout="constrained")
     panels = figure.subplots(1, 2, width_ratios=[1.9, 1]) if enough else [figure.subplots()]
     _strip(panels[0], scores, rows)
@@ -165,6 +168,7 @@ def _finish(axes: Axes, series: Series, x: str, y: str) -> None:
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.set_xlim(0, len(series.steps) - 1)
+    axes.xaxis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 2.5, 5, 10], integer=True))
     axes.set_ylim(bottom=0)
     axes.grid(axis="y")
     shown = f"mean ± SEM of {series.n} trials" if series.n > 1 else "one trial"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import string
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +12,11 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
 from testbed.morphology import Cuboid, Morphology
+from testbed.report.bodies import self_models
 from testbed.report.outlines import outline
 from testbed.report.reading import Array, Trial
 from testbed.report.style import GRID, INK, MUTED, OF_PART, name_row, styled
-from testbed.student.rolls import view_of
-from testbed.student.self_model import BodyPrior, self_model
+from testbed.student.moving.rolls import view_of
 
 _INSTANTS = 5
 _SHAPE = 1.6  # width of a pose's window by its height
@@ -45,7 +46,7 @@ def roll_picture(trial: Trial, teacher: str) -> Figure | None:
             axes.plot(samples, moved, color=colour, linewidth=1.6, zorder=3)
             axes.set_xlim(0, len(target) - 1)
             axes.grid(axis="y")
-        line[0].set_ylabel(f"{_part_name(part)}\nroll (°)", fontsize=8.5)
+        line[0].set_ylabel(f"{part_name(part)}\nroll (°)", fontsize=8.5)
     furthest = max(100.0, 1.06 * float(np.degrees(max(np.abs(target).max(), np.abs(responses).max()))))
     panels[0, 0].set_ylim(-furthest, furthest)
     panels[0, 0].yaxis.set_major_locator(MultipleLocator(90 if furthest < 200 else 180))
@@ -61,10 +62,10 @@ def pose_picture(trial: Trial, teacher: str, student: Morphology) -> Figure | No
     """The teacher as the student imagines it, and below it the self-model under three controllers."""
     names = ("model_history", "self_rolls", "order")
     history, responses, order = (trial.array(f"{teacher}/{name}") for name in names)
-    genomes = trial.array("self/genome")
-    if history is None or responses is None or order is None or genomes is None:
+    beliefs = self_models(trial, student)
+    if history is None or responses is None or order is None or beliefs is None:
         return None
-    body = self_model(BodyPrior.of(student), genomes[-1])
+    body = beliefs.body(-1)
     samples = responses.shape[1]
     instants = np.linspace(samples / 12, samples - 1, _INSTANTS).astype(int)
     figure = Figure(figsize=(7.4, 3.3), layout="constrained")
@@ -157,5 +158,6 @@ def _window(parts: Array) -> Array:
     return np.asarray((low + high) / 2 + np.array([[-half, -half / _SHAPE], [half, half / _SHAPE]]))
 
 
-def _part_name(part: int) -> str:
-    return ("main body", "limb a", "limb b")[part] if part < 3 else f"part {part}"
+def part_name(part: int) -> str:
+    """What the pictures call a part of the student, in the order of its motors."""
+    return f"limb {string.ascii_lowercase[part - 1]}" if part else "main body"

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
 from testbed.experiment.atomic import write_text
-from testbed.report import html, story
+from testbed.report import html, story, story_motion
 from testbed.report.claims import FEWEST, FLAT, claims
+from testbed.report.comparison import summaries_of
 from testbed.report.desk import Desk
-from testbed.report.reading import Row, Trial, read_run
-from testbed.report.series import right_verdicts
+from testbed.report.knowing import self_headline
+from testbed.report.life_section import bodies_known, travels_told
+from testbed.report.reading import Trial, read_run
+from testbed.report.verdict_section import verdicts
 from testbed.report.words import explanation, headline, summary_facts
-
-_FEW = 8  # a table of so many rows needs no unfolding
 
 
 def write_report(run_directory: Path) -> Path:
@@ -28,45 +28,63 @@ def write_report(run_directory: Path) -> Path:
     Raises:
         UserError: If this is no run directory, a trial's file is damaged, or the disk is full.
     """
-    desk = Desk(read_run(run_directory))
+    desk = Desk.of(read_run(run_directory))
     path = run_directory / "report.html"
     write_text(path, html.page(f"{desk.run.name}: whom to imitate", _body(desk)))
     return path
 
 
 def _body(desk: Desk) -> str:
-    sample = desk.sample
-    told = []
-    if sample is not None:
-        told = [
-            phase(desk, sample) for phase in (story.self_discovery, story.teacher_modelling, story.imitation)
-        ]
-        told.append(story.performing(desk))
-    if len(desk.trials) > 1 and sample is not None:
+    told = "".join(_chapter(each) for each in storytellers(desk))
+    many = len(desk.trials) > 1
+    note = ""
+    if many and desk.sample is not None:
         note = (
-            f'<p class="note">Pictures below tell trial {sample.number}, the first, whatever came of it; '
+            f'<p class="note">Pictures below tell trial {desk.sample.number}, the first, whatever came of it; '
             f"error curves are about all {len(desk.trials)} trials.</p>"
         )
-        return "".join([_header(desk), _verdicts(desk), _claims(desk), note, *told, _footer(desk)])
-    return "".join([_header(desk), _verdicts(desk), *told, _claims(desk), _footer(desk)])
+    parts = [_header(desk), verdicts(desk), bodies_known(desk), travels_told(desk)]
+    parts += [_claims(desk), note, told] if many else [told, _claims(desk)]
+    return "".join([*parts, _footer(desk)])
+
+
+def storytellers(desk: Desk) -> list[Desk]:
+    """Whose stories are told in pictures: the leader's, and that of the first who follows the paper beside it."""
+    beside = [Desk(desk.run, name) for name in desk.run.students if name != desk.mind]
+    to_the_letter = [] if desk.by_the_paper else [each for each in beside if each.by_the_paper]
+    return [desk, *to_the_letter[:1]]
+
+
+def _chapter(desk: Desk) -> str:
+    sample = desk.sample
+    if sample is None:
+        return ""
+    told = [story.self_discovery(desk, sample)]
+    if sample.rows:
+        how = story if desk.by_the_paper else story_motion
+        told += [how.teacher_modelling(desk, sample), how.imitation(desk, sample)]
+    return "".join([*told, story.performing(desk)])
 
 
 def _header(desk: Desk) -> str:
     run = desk.run
-    kicker = html.text(f"{run.name} · {run.scenario.get('description') or 'a run of the testbed'}")
+    kicker = html.text(f"{run.name} · {run.scenario.description or 'a run of the testbed'}")
+    cell = desk.cell if len(run.cells) > 1 else None
+    if not desk.rows:
+        title = html.text(self_headline(desk.selves, cell))
+        return f'<header><p class="kicker">{kicker}</p><h1>{title}</h1></header>'
     facts = ""
-    if len({(row["cell"], row["trial"]) for row in run.rows}) > 1:
+    if run.trial_count > 1:
         facts = "".join(
-            f"<div><dt>{html.text(name if len(run.summary) == 1 else f'{student}: {name}')}</dt>"
-            f"<dd>{html.text(value)}<small>{html.text(interval)}</small></dd></div>"
-            for student, summary in run.summary.items()
-            for name, value, interval in summary_facts(summary)
+            f"<div><dt>{html.text(name)}</dt><dd>{html.text(value)}<small>{html.text(interval)}</small></dd></div>"
+            for name, value, interval in summary_facts(summaries_of(run, desk.cell)[desk.mind])
         )
         facts = f'<dl class="facts">{facts}</dl>'
     video = "" if desk.acted is None else _video(desk, desk.acted)
+    others = [row for row in run.verdicts(cell=desk.cell) if row["student"] != desk.mind]
     return (
-        f'<header><p class="kicker">{kicker}</p><h1>{html.text(headline(run.rows))}</h1>'
-        f"<p>{html.text(explanation(run.rows))}</p>{facts}{video}</header>"
+        f'<header><p class="kicker">{kicker}</p><h1>{html.text(headline(desk.rows, cell))}</h1>'
+        f"<p>{html.text(explanation(desk.rows, others))}</p>{facts}{video}</header>"
     )
 
 
@@ -77,7 +95,7 @@ def _video(desk: Desk, sample: Trial) -> str:
     )  # needs a simulation: only where there is something to show
 
     path = desk.run.directory / "video" / f"{sample.cell}-{sample.number}.mp4"
-    written = write_video(sample, desk.bodies, path)
+    written = write_video(sample, desk.bodies(sample), path)
     if written is None:
         return ""
     poster = io.BytesIO()
@@ -100,54 +118,11 @@ def _video(desk: Desk, sample: Trial) -> str:
     return html.figure(film, caption)
 
 
-def _verdicts(desk: Desk) -> str:
-    rows = desk.run.rows
-    many = len({(row["cell"], row["trial"]) for row in rows}) > 1
-    table = _verdict_table(rows, many=many)
-    shown = table if len(rows) <= _FEW else html.details(f"All {len(rows)} verdicts", table)
-    cells = _cell_table(desk) if len(desk.run.cells) > 1 else ""
-    return html.section("Verdicts", cells, story.verdict_scores(desk), shown)
-
-
-def _verdict_table(rows: Sequence[Row], *, many: bool) -> str:
-    header = ["teacher", "robot", "truth", "verdict", "score", "error at start (Eq. 5)", "at end", ""]
-    if many:
-        header = ["cell", "trial", *header] if len({row["cell"] for row in rows}) > 1 else ["trial", *header]
-    body = []
-    for row in rows:
-        cells = [
-            html.text(row["teacher"]),
-            html.text(row["robot"]),
-            f'<span class="{html.text(row["truth"])}">{html.text(row["truth"])}</span>',
-            _verdict(row),
-            html.number(row["score"]),
-            html.number(row.get("initial_error")),
-            html.number(row.get("final_error")),
-            "imitated" if row["chosen"] else "" if row["found"] else "not found",
-        ]
-        if many:
-            cells = [html.text(row[name]) for name in header if name in ("cell", "trial")] + cells
-        body.append(cells)
-    return html.table(header, body, css="verdicts")
-
-
-def _verdict(row: Row) -> str:
-    right = row["truth"] == row["verdict"]
-    mark, name = ("✓", "right") if right else ("✗", "wrong")
-    return f'{html.text(row["verdict"])} <span class="{name}" title="{name}">{mark}</span>'
-
-
-def _cell_table(desk: Desk) -> str:
-    body = []
-    for cell in desk.run.cells:
-        rows = [row for row in desk.run.rows if row["cell"] == cell]
-        right, (low, high) = right_verdicts(rows)
-        body.append([html.text(cell), str(len(rows)), f"{right / len(rows):.0%}", f"{low:.0%} to {high:.0%}"])
-    note = f"<p>Figures and claims below are about the cell <em>{html.text(desk.cell)}</em>.</p>"
-    return html.table(["cell", "verdicts", "right", "95% interval"], body) + note
-
-
 def _claims(desk: Desk) -> str:
+    """What the paper claims, for the mind that does as the paper says; empty where there is none."""
+    teller = next((each for each in storytellers(desk) if each.by_the_paper and each.rows), None)
+    if teller is None:
+        return ""
     lead = (
         f"Each claim of the paper against this run. Errors are objective: held against the truth. An error falls where "
         f"the signed-rank test over trials (5% level, at least {FEWEST} trials) and the 95% interval of its mean "
@@ -159,10 +134,10 @@ def _claims(desk: Desk) -> str:
             f'<span class="outcome {claim.outcome.split()[0]}">{html.text(claim.outcome)}</span>',
             html.prose(claim.finding),
         ]
-        for claim in claims(desk.rows)
+        for claim in claims(teller.rows)
     ]
     return html.section(
-        "What was reproduced and what was not",
+        teller.titled("What was reproduced and what was not"),
         html.table(["the paper", "here", "numbers"], body, css="claims"),
         lead=lead,
     )
@@ -177,9 +152,8 @@ def _footer(desk: Desk) -> str:
         if value is not None and name not in ("scenario", "hash")
     ]
     listed = "".join(f"<dt>{html.text(name)}</dt><dd>{html.text(value)}</dd>" for name, value in entries)
-    trials = len({(row["cell"], row["trial"]) for row in run.rows})
-    seed = run.scenario.get("seed", 0)
-    command = f"testbed run scenario.resolved.yaml --seed {seed} --trials {trials} --out again"
+    trials = f" --trials {run.trial_count}" if len(run.cells) == 1 else ""
+    command = f"testbed run scenario.resolved.yaml --seed {run.scenario.seed}{trials} --out again"
     return (
         f"<footer><h2>Where this comes from</h2><dl>{listed}</dl>"
         f"<p>To repeat it, in this page's folder:</p><pre>{html.text(command)}</pre></footer>"

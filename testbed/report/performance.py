@@ -33,7 +33,7 @@ def path_figure(trial: Trial) -> Figure | None:
             bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.85, "pad": 1.5},
         )  # fmt: skip
     axes.axhline(0, color=MUTED, linewidth=0.6)
-    axes.set_xlim(0, (len(path) - 1) * float(step) * 1.28)
+    axes.set_xlim(0, max(len(places) - 1 for _, places, _ in curves) * float(step) * 1.28)
     axes.set_xlabel("time (s)")
     axes.set_ylabel("distance from start (cm)")
     axes.grid(axis="y")

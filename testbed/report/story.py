@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from testbed.report import figures, html
 from testbed.report.bodies import self_discovery_picture, tilt_picture
+from testbed.report.candidates import sentence
 from testbed.report.claims import change
 from testbed.report.desk import Desk
 from testbed.report.motion import pose_picture, roll_picture
@@ -19,31 +22,47 @@ def self_discovery(desk: Desk, sample: Trial) -> str:
         "The student knows its parts and motors, not how they are joined. It moves them at random, feels how its "
         "body tilts, and looks for the body that would have tilted so."
     )
+    if sample.array("self/believed_tilt") is None:
+        lead = (
+            "The student knows its parts and motors, not how they are joined. Of the movements that it could make it "
+            "chooses those about whose outcome the bodies it holds possible differ most, feels how its body tilts, and "
+            "keeps the bodies that would have tilted so."
+        )
+    two = len(desk.student(sample).joints) == 2
+    colours = " Green: limb a; violet: limb b." if two else " Each limb has its colour."
+    searched = f"{_tested(desk, 'self_error_initial', 'self_error_final', None, 'm')}"
     return html.section(
-        "1. Who am I?",
+        desk.titled("1. Who am I?"),
         desk.picture(
-            self_discovery_picture(sample, desk.student),
+            self_discovery_picture(sample, desk.student(sample)),
             "self_discovery",
             "The true body and three self-models after three motor commands",
             "How the body stood after three of its motor commands, and how its self-model would have stood at the "
-            "start, the middle and the end of the search. Green: limb a; violet: limb b.",
+            f"start, the middle and the end of the search.{colours}",
         ),
         desk.picture(
-            tilt_picture(sample),
+            tilt_picture(sample, desk.student(sample)),
             "tilt",
             "Believed against observed tilt of the main body",
             "The same for every command: observed tilt against the tilt that the self-model predicts. On the "
             "diagonal both agree. Dots: forward and backward; squares: left and right.",
         ),
         desk.picture(
-            figures.figure_6(desk.trials, desk.student),
+            figures.figure_6(desk.trials, desk.student(sample)),
             "figure_6",
             "Objective error of self-models over the iterations",
-            f"Objective error of the self-models: how far their parts lie from where they truly are. "
-            f"{_tested(desk, 'self_error_initial', 'self_error_final', None, 'm')}",
+            f"Objective error of the self-models: how far their parts lie from where they truly are. {searched}",
         ),
+        _known(sample),
         lead=lead,
     )
+
+
+def _known(sample: Trial) -> str:
+    """What the mind says that it knows of its body and what not, in its own words."""
+    words = sample.array("self/words")
+    lines = [] if words is None else [str(line) for line in np.atleast_1d(words) if str(line)]
+    return "".join(f"<p>{html.text(sentence(line))}</p>" for line in lines)
 
 
 def teacher_modelling(desk: Desk, sample: Trial) -> str:
@@ -51,8 +70,8 @@ def teacher_modelling(desk: Desk, sample: Trial) -> str:
     lead = _modelling_lead(sample)
     parts = []
     for row in sample.rows:
-        drawing = teacher_model_picture(sample, row["teacher"], desk.rig) if row["found"] else None
-        parts.append(_heading(row))
+        drawing = teacher_model_picture(sample, row["teacher"], desk.rig(sample)) if row["found"] else None
+        parts.append(heading(row))
         if drawing is None:
             parts.append(
                 "<p>The student did not find this teacher, so there is nothing that it could model.</p>"
@@ -74,7 +93,7 @@ def teacher_modelling(desk: Desk, sample: Trial) -> str:
         columns = ("model_position_error_initial", "model_position_error_final")
         parts.append(
             desk.picture(
-                figures.figure_7(desk.trials, truth, pictured, desk.rig),
+                figures.figure_7(desk.trials, truth, pictured, desk.rig(sample)),
                 f"figure_7{letter}",
                 f"Objective error of models of the {truth} teacher over the passes",
                 f'Objective error of the models of the <span class="{truth}">{truth}</span> teacher. Left: mean '
@@ -83,7 +102,7 @@ def teacher_modelling(desk: Desk, sample: Trial) -> str:
                 on_page=figures.figure_7(desk.trials, truth),
             )
         )
-    return html.section("2. What is that over there?", *parts, lead=lead)
+    return html.section(desk.titled("2. What is that over there?"), *parts, lead=lead)
 
 
 def imitation(desk: Desk, sample: Trial) -> str:
@@ -95,7 +114,7 @@ def imitation(desk: Desk, sample: Trial) -> str:
     parts = []
     for row in [row for row in sample.rows if row["found"]]:
         teacher = str(row["teacher"])
-        parts.append(_heading(row))
+        parts.append(heading(row))
         parts.append(
             desk.picture(
                 roll_picture(sample, teacher),
@@ -107,7 +126,7 @@ def imitation(desk: Desk, sample: Trial) -> str:
         )
         parts.append(
             desk.picture(
-                pose_picture(sample, teacher, desk.student),
+                pose_picture(sample, teacher, desk.student(sample)),
                 f"poses_{teacher}",
                 f"Poses of the imagined {teacher} and of the self-model",
                 "The same as poses at five moments: the teacher as the student imagines it, and the self-model under "
@@ -128,7 +147,7 @@ def imitation(desk: Desk, sample: Trial) -> str:
             f"Objective error. {tests}",
         )
     )
-    return html.section("3. Can I move like that?", *parts, lead=lead)
+    return html.section(desk.titled("3. Can I move like that?"), *parts, lead=lead)
 
 
 def performing(desk: Desk) -> str:
@@ -147,7 +166,7 @@ def performing(desk: Desk) -> str:
         if row.get(name) is not None
     )
     return html.section(
-        "4. Doing it",
+        desk.titled("4. Doing it"),
         desk.picture(
             path_figure(trial),
             "path",
@@ -155,17 +174,6 @@ def performing(desk: Desk) -> str:
             f"Distance of the main body from where it began.{moved}",
         ),
         lead=f"The student lets the last controller for {html.text(row['teacher'])} move its real body{which}.",
-    )
-
-
-def verdict_scores(desk: Desk) -> str:
-    """How the scores lie and where the verdict falls."""
-    rows = [row for row in desk.rows if row["score"] is not None] if len(desk.trials) > 1 else []
-    return desk.picture(
-        figures.score_figure(rows) if rows else None,
-        "scores",
-        "Scores of the teachers by what they truly are",
-        "Each dot is a teacher in a trial. The further right, the more like itself the student thought it.",
     )
 
 
@@ -190,7 +198,8 @@ def _word(number: int) -> str:
     return words[number] if number < len(words) else str(number)
 
 
-def _heading(row: Row) -> str:
+def heading(row: Row) -> str:
+    """The name of a teacher above its pictures."""
     return (
         f"<h3>{html.text(row['teacher'])} ({html.text(row['robot'])}), "
         f'<span class="{html.text(row["truth"])}">{html.text(row["truth"])}</span></h3>'

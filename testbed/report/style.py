@@ -92,9 +92,16 @@ def _own_ids(text: str, name: str) -> str:
     matplotlib makes ids from places down to the last bit, and its layout solver may differ there from run to run.
     """
     numbers: dict[str, int] = {}
+    given: set[str] = set()
 
     def renamed(match: re.Match[str]) -> str:
-        return f"{match.group(1)}{name}-{numbers.setdefault(match.group(2), len(numbers))}"
+        own = match.group(2)
+        if match.group(1) == 'id="':
+            own += f" {len(numbers)}" * (
+                own in given
+            )  # an image that is drawn twice has one id, made from its pixels
+            given.add(own)
+        return f"{match.group(1)}{name}-{numbers.setdefault(own, len(numbers))}"
 
     return re.sub(r'((?<=\s)id="|url\(#|xlink:href="#)([^")]+)', renamed, text)
 

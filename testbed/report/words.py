@@ -11,8 +11,8 @@ from testbed.report.series import right_verdicts
 _NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
 
 
-def headline(rows: Sequence[Row]) -> str:
-    """What came out, in one sentence."""
+def headline(rows: Sequence[Row], cell: str | None = None) -> str:
+    """What came out, in one sentence; of this cell, where there are several."""
     trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
     if len(trials) == 1:
         return _one_trial(rows)
@@ -21,11 +21,17 @@ def headline(rows: Sequence[Row]) -> str:
     known = (
         "better than a coin" if low > 0.5 else "worse than a coin" if high < 0.5 else "no better than a coin"
     )
-    return f"In {len(trials)} trials the student was right about {right} of {n} teachers: {known}."
+    where = "" if cell is None else f" of the cell {cell}"
+    return f"In {len(trials)} trials{where} the student was right about {right} of {n} teachers: {known}."
 
 
-def explanation(rows: Sequence[Row]) -> str:
-    """What stands behind the headline."""
+def explanation(rows: Sequence[Row], others: Sequence[Row] = ()) -> str:
+    """What stands behind the headline.
+
+    Args:
+        rows: The verdicts of the student that decides.
+        others: Those of the students who judged beside it.
+    """
     lost = [row for row in rows if not row["found"]]
     trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
     if len(trials) == 1:
@@ -38,7 +44,24 @@ def explanation(rows: Sequence[Row]) -> str:
         ]
         if lost:
             parts.append(f"It did not find {len(lost)} of {len(rows)} teachers.")
-    return " ".join(parts)
+    return " ".join([*parts, *_beside(others)])
+
+
+def _beside(others: Sequence[Row]) -> list[str]:
+    """How right those were who judged the same candidates without a say."""
+    students = list(dict.fromkeys(str(row["student"]) for row in others))
+    counts = []
+    for student in students:
+        own = [row for row in others if row["student"] == student]
+        counts.append(f"{student} was right about {sum(map(_is_right, own))} of {len(own)}")
+    if not counts:
+        return []
+    listed = counts[0] if len(counts) == 1 else f"{', '.join(counts[:-1])} and {counts[-1]}"
+    return [f"Beside it, with the same eyes, {listed}."]
+
+
+def _is_right(row: Row) -> bool:
+    return bool(row["truth"] == row["verdict"])
 
 
 def summary_facts(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -51,10 +74,14 @@ def summary_facts(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         facts.append(
             (
                 "AUC of the score",
-                f"{area:.2f}",
+                f"{area:.3f}",
                 _between(summary, "auc", percent=False, n=summary.get("trials")),
             )
         )
+    if (error := summary.get("calibration_error")) is not None:
+        number = summary.get("calibrated")
+        interval = _between(summary, "calibration_error", percent=False, n=number)
+        facts.append(("calibration error", f"{error:.3f}", interval))
     return facts
 
 
@@ -63,7 +90,7 @@ def _between(summary: Mapping[str, Any], name: str, *, percent: bool, n: int | N
     count = "" if n is None else f"N = {n}"
     if low is None or high is None:
         return f"{count}, too few for an interval" if count else "too few for an interval"
-    span = f"{low:.0%} to {high:.0%}" if percent else f"{low:.2f} to {high:.2f}"
+    span = f"{low:.0%} to {high:.0%}" if percent else f"{low:.3f} to {high:.3f}"
     return ", ".join(part for part in (f"95% interval {span}", count) if part)
 
 

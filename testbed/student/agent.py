@@ -1,53 +1,30 @@
-"""The student ``paper``: an agent that discovers itself, looks for somebody like itself, and imitates it.
+"""The student: an agent that discovers itself, looks for somebody like itself, and imitates it.
 
 It meets the world through observations and actions alone. Its life is a generator that yields actions and receives
-observations, so that it can be read from top to bottom.
+observations, so that it can be read from top to bottom. How it thinks is up to its mind; other minds may live in it
+beside, who judge the same candidates by what it sees. The first one leads.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbed.morphology import Vector
-from testbed.student.imagination import Imagination
-from testbed.student.imitation import ImitationRecord, evolve_controller
-from testbed.student.parameters import PaperParameters
-from testbed.student.self_discovery import SelfDiscoveryRecord, evolve_self_model, random_commands
-from testbed.student.self_model import BodyPrior, self_model
-from testbed.student.teacher_modelling import Modelling, TeacherRecord
-from testbed.student.verdict import Verdict, judge
-from testbed.vision.camera import StereoRig
+from testbed.student.body.damage_report import DamageReport
+from testbed.student.body.self_model import BodyPrior
+from testbed.student.methods import MindPlan
+from testbed.student.mind import Judgement, Mind, Self
+from testbed.student.motion import Watched
+from testbed.student.senses import Acting, Observation, Progress, Senses
 from testbed.vision.foreground import find_candidates
 
-Observation = Mapping[str, NDArray[Any]]
-Acting = Generator[NDArray[np.float32], Observation, Observation]
-"""Yields actions, receives observations, returns the last observation."""
-
-Progress = Callable[[str, int, int], None]
-"""Called with the phase, how much of it is done, and how much there is."""
-
-
-@dataclass(frozen=True)
-class Senses:
-    """What the student knows of its own equipment.
-
-    Attributes:
-        rig: Its eyes.
-        pan_limit: How far the rig turns to either side, rad.
-        pan_speed: How fast it turns, rad/s.
-        control_step: Seconds between two actions.
-    """
-
-    rig: StereoRig
-    pan_limit: float
-    pan_speed: float
-    control_step: float
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -56,17 +33,15 @@ class Candidate:
 
     Attributes:
         bearing: Where the student saw it, rad, positive to the right.
-        look_steps: The student's action count when it took each image pair.
-        model: How the teacher model came about (Section 3.3).
-        imitation: How the student tried to move like it (Section 3.4).
-        verdict: Appropriate or not.
+        look_steps: (frames,) the student's action count when it took each frame.
+        watched: The frames.
+        judgements: What each mind made of it, by name.
     """
 
     bearing: float
     look_steps: tuple[int, ...]
-    model: TeacherRecord
-    imitation: ImitationRecord
-    verdict: Verdict
+    watched: Watched
+    judgements: Mapping[str, Judgement]
 
 
 @dataclass(frozen=True)
@@ -74,27 +49,31 @@ class Life:
     """Everything that the student can tell afterwards.
 
     Attributes:
-        self_discovery: How it found its body.
+        leader: The mind that decided.
+        selves: How each mind found its body, by name.
         candidates: Whom it found, from left to right.
+        damage: What it found when it checked its body before it moved; None if it did not.
         chosen: Which candidate it imitated; None if nobody was like it.
         perform_start: Its action count when it began to imitate.
         perform_steps: For how many actions it imitated.
     """
 
-    self_discovery: SelfDiscoveryRecord
+    leader: str
+    selves: Mapping[str, Self]
     candidates: tuple[Candidate, ...]
+    damage: DamageReport | None
     chosen: int | None
     perform_start: int
     perform_steps: int
 
 
-class PaperStudent:
-    """Kaipa, Bongard and Meltzoff's student (2010), to the letter.
+class Student:
+    """One body, one pair of eyes, one or several minds.
 
     Args:
         prior: What it knows of its body beforehand.
         senses: What it knows of its equipment.
-        parameters: What the paper leaves open.
+        minds: How it thinks; the first one leads.
         seeds: Source of all its chance.
         progress: Told how far each phase is.
     """
@@ -103,12 +82,16 @@ class PaperStudent:
         self,
         prior: BodyPrior,
         senses: Senses,
-        parameters: PaperParameters,
+        minds: Sequence[MindPlan],
         seeds: np.random.SeedSequence,
         progress: Progress = lambda phase, done, total: None,
     ) -> None:
-        self._prior, self._senses, self._parameters, self._progress = prior, senses, parameters, progress
-        self._seeds = seeds
+        self._prior, self._senses, self._progress = prior, senses, progress
+        common: dict[str, object] = {}
+        self._minds = tuple(
+            Mind(spec, prior, senses, own, _of(spec, minds, progress), common)
+            for spec, own in zip(minds, _seeds_of_minds(seeds, len(minds)), strict=True)
+        )
         self._joints, self._pan = np.zeros(len(prior.motors)), 0.0
         self._steps = 0
         self._acting: Generator[NDArray[np.float32], Observation, Life] | None = None
@@ -134,58 +117,48 @@ class PaperStudent:
             return self._action()
 
     def _live(self) -> Generator[NDArray[np.float32], Observation, Life]:
-        (babbling,) = self._seeds.spawn(1)
-        with Imagination(self._parameters.imagination, self._senses.control_step) as imagination:
-            self_record = yield from self._discover_itself(imagination, np.random.default_rng(babbling))
-            body = self_model(self._prior, self_record.genome)
+        leader = self._minds[0]
+        selves = {}
+        for mind in self._minds:
+            selves[mind.name] = yield from self._try(mind, mind.discover_itself())
 
-            bearings = yield from self._look_around()
-            candidates = []
-            for number, bearing in enumerate(bearings):
-                watching, trying = map(np.random.default_rng, self._seeds.spawn(2))
-                model, looks = yield from self._watch(bearing, number, watching)
-                imitation = evolve_controller(
-                    body,
-                    model.sampled(self._parameters.imitation.samples),
-                    imagination,
-                    self._parameters.imitation,
-                    trying,
-                    self._phase(f"imitation {number}"),
-                )
-                verdict = judge(imitation.errors, imitation.teacher_rolls.size, self._parameters.verdict)
-                candidates.append(Candidate(bearing, looks, model, imitation, verdict))
+        candidates = []
+        for number, bearing in enumerate((yield from self._look_around(leader))):
+            watched, steps, looks = yield from self._watch(bearing)
+            judgements = {mind.name: mind.consider(number, watched, looks[mind.name]) for mind in self._minds}
+            candidates.append(Candidate(bearing, steps, watched, judgements))
 
-        chosen = choose(candidates)
-        start = self._steps
-        steps = 0
+        chosen = choose([candidate.judgements[leader.name] for candidate in candidates])
+        damage = yield from self._try(leader, leader.check_itself())
+        start, steps_done = self._steps, 0
         if chosen is not None:
-            steps = yield from self._perform(candidates[chosen].imitation.commands)
-        return Life(self_record, tuple(candidates), chosen, start, steps)
+            commands = leader.commands(candidates[chosen].judgements[leader.name], damage)
+            start = self._steps
+            steps_done = yield from self._perform(commands)
+        return Life(leader.name, selves, tuple(candidates), damage, chosen, start, steps_done)
 
-    def _discover_itself(
-        self, imagination: Imagination, rng: np.random.Generator
-    ) -> Generator[NDArray[np.float32], Observation, SelfDiscoveryRecord]:
-        """Section 3.2: feel how random commands tilt the body, then find the body that explains it."""
-        parameters = self._parameters.self_discovery
-        commands, tilt = random_commands(self._prior, parameters, rng), []
-        for command in commands:
-            yield from self._hold(np.zeros_like(command), parameters.settle_time)
-            felt = yield from self._hold(command, parameters.settle_time)
-            tilt.append(np.asarray(felt["tilt"], dtype=float))
-        yield from self._hold(np.zeros(len(self._prior.motors)), parameters.settle_time)
-        return evolve_self_model(
-            self._prior,
-            commands,
-            np.array(tilt),
-            imagination,
-            parameters,
-            rng,
-            self._phase("self-discovery"),
-        )
+    def _try(
+        self, mind: Mind, asking: Generator[Vector, Vector | None, T]
+    ) -> Generator[NDArray[np.float32], Observation, T]:
+        """Section 3.2: try the commands that the mind asks for, each from lying flat, and tell it the tilt."""
+        settle = mind.parameters.self_discovery.settle_time
+        rest, felt = np.zeros(len(self._prior.motors)), None
+        while True:
+            try:
+                command = asking.send(felt)
+            except StopIteration as end:
+                answer: T = end.value
+                break
+            yield from self._hold(rest, settle)
+            sensed = yield from self._hold(command, settle)
+            felt = np.asarray(sensed["tilt"], dtype=float)
+        if felt is not None:
+            yield from self._hold(rest, settle)
+        return answer
 
-    def _look_around(self) -> Generator[NDArray[np.float32], Observation, list[float]]:
+    def _look_around(self, mind: Mind) -> Generator[NDArray[np.float32], Observation, list[float]]:
         """Sweep the rig from left to right and note where something stands out from the light background."""
-        looking, limit = self._parameters.looking, self._senses.pan_limit
+        looking, limit = mind.parameters.looking, self._senses.pan_limit
         stops = max(2, math.ceil(2 * limit / (looking.sweep_step * self._senses.rig.field_of_view)) + 1)
         views = []
         for pan in np.linspace(-limit, limit, stops):
@@ -200,38 +173,42 @@ class PaperStudent:
         )
 
     def _watch(
-        self, bearing: float, number: int, rng: np.random.Generator
-    ) -> Generator[NDArray[np.float32], Observation, tuple[TeacherRecord, tuple[int, ...]]]:
-        """Section 3.3: model a moving candidate, a new image pair every thousand passes."""
-        looking, parameters = self._parameters.looking, self._parameters.teacher_modelling
-        modelling = Modelling(self._senses.rig, self._prior.part_count, parameters, rng)
-        progress = self._phase(f"teacher modelling {number}")
-        looks = []
-        seen = yield from self._turn(bearing, looking.first_look)
-        for pair in range(parameters.image_pairs):
-            looks.append(self._steps)
-            modelling.observe(seen["left"], seen["right"])
-            progress(pair + 1, parameters.image_pairs)
-            if pair + 1 < parameters.image_pairs:
-                seen = yield from self._turn(bearing, looking.look_interval)
-        return modelling.record(), tuple(looks)
+        self, bearing: float
+    ) -> Generator[
+        NDArray[np.float32], Observation, tuple[Watched, tuple[int, ...], dict[str, tuple[int, ...]]]
+    ]:
+        """Section 3.3: turn to a candidate and take the frames that the minds ask for.
+
+        Returns the frames, the action count at each, and which of them each mind asked for.
+        """
+        step = self._senses.control_step
+        turning = abs(bearing - self._pan) / self._senses.pan_speed
+        self._pan = bearing
+        wanted = {
+            mind.name: [max(1, round((turning + look) / step)) for look in mind.looks] for mind in self._minds
+        }
+        due = sorted({look for looks in wanted.values() for look in looks})
+        frames, steps = [], []
+        for now, look in zip([0, *due], due, strict=False):
+            seen = yield from self._wait(look - now)
+            frames.append((seen["left"], seen["right"]))
+            steps.append(self._steps)
+        watched = Watched(np.array(frames), np.array(due) * step - turning)
+        looks = {name: tuple(due.index(look) for look in looks) for name, looks in wanted.items()}
+        return watched, tuple(steps), looks
 
     def _perform(self, commands: Vector) -> Generator[NDArray[np.float32], Observation, int]:
         """The evolved controller drives the student itself, one command a control step."""
-        progress = self._phase("performing")
         for step, command in enumerate(commands):
             self._joints = command
             yield self._action()
-            progress(step + 1, len(commands))
+            self._progress("performing", step + 1, len(commands))
         return len(commands)
 
     def _hold(self, joints: Vector, seconds: float) -> Acting:
         """Keep a posture for a while; returns what is sensed at the end of it."""
         self._joints = joints
-        sensed: Observation = {}
-        for _ in range(max(1, round(seconds / self._senses.control_step))):
-            sensed = yield self._action()
-        return sensed
+        return (yield from self._wait(max(1, round(seconds / self._senses.control_step))))
 
     def _turn(self, pan: float, seconds: float) -> Acting:
         """Turn the rig and, once there, keep it for a while; returns what is sensed at the end of it."""
@@ -239,14 +216,38 @@ class PaperStudent:
         self._pan = pan
         return (yield from self._hold(self._joints, turning + seconds))
 
+    def _wait(self, steps: int) -> Acting:
+        """Let control steps pass; returns what is sensed at the end of them."""
+        sensed: Observation = {}
+        for _ in range(steps):
+            sensed = yield self._action()
+        return sensed
+
     def _action(self) -> NDArray[np.float32]:
         return np.append(self._joints, self._pan).astype(np.float32)
 
-    def _phase(self, name: str) -> Callable[[int, int], None]:
-        return lambda done, total: self._progress(name, done, total)
 
-
-def choose(candidates: list[Candidate]) -> int | None:
+def choose(judgements: Sequence[Judgement]) -> int | None:
     """The appropriate candidate with the highest score; None if nobody is appropriate."""
-    like_me = [i for i, candidate in enumerate(candidates) if candidate.verdict.answer == "appropriate"]
-    return max(like_me, key=lambda i: candidates[i].verdict.score, default=None)
+    like_me = [i for i, judgement in enumerate(judgements) if judgement.verdict.answer == "appropriate"]
+    return max(like_me, key=lambda i: judgements[i].verdict.score, default=None)
+
+
+def _seeds_of_minds(seeds: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:
+    """The leader thinks with the student's own seeds, so that it thinks the same with or without others beside it."""
+    others = [
+        np.random.SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, _BESIDE, number))
+        for number in range(count - 1)
+    ]
+    return [seeds, *others]
+
+
+_BESIDE = 0xB51DE
+"""Keeps the seeds of the minds beside the leader apart from those that it spawns itself."""
+
+
+def _of(spec: MindPlan, minds: Sequence[MindPlan], progress: Progress) -> Progress:
+    """Where there are several minds, progress says whose."""
+    if len(minds) == 1:
+        return progress
+    return lambda phase, done, total: progress(f"{spec.name}: {phase}", done, total)

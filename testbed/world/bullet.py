@@ -8,10 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Morphology, Vector, load_robot
+from testbed.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation
 from testbed.scenario import RigSpec, Scenario
+from testbed.scenario_view import MOST_PAN_ERRORS
 from testbed.world.backend import Pair
+from testbed.world.events import Flaws, events_of
 from testbed.world.optics import expose, projection_matrix, view_matrix
 from testbed.world.placement import STUDENT, placements, teacher_names
 
@@ -23,8 +25,8 @@ _PEOPLE_LIGHT = {"lightDirection": (1.0, -2.0, 3.0), "lightAmbientCoeff": 0.6, "
 
 def bodies_of(scenario: Scenario) -> dict[str, Morphology]:
     """Everybody's body by agent name, the student first."""
-    robots = (scenario.student.robot, *(teacher.robot for teacher in scenario.teachers))
-    return dict(zip((STUDENT, *teacher_names(scenario)), map(load_robot, robots), strict=True))
+    bodies = (scenario.student.body(), *(teacher.body() for teacher in scenario.teachers))
+    return dict(zip((STUDENT, *teacher_names(scenario)), bodies, strict=True))
 
 
 def physics_of(scenario: Scenario) -> PhysicsSpec:
@@ -43,8 +45,11 @@ class SimulatedBackend:
         self._scenario = scenario
         self._robots = bodies_of(scenario)
         self._spots = placements(scenario, self._robots)
+        self._true = {**self._robots, STUDENT: scenario.student.true_body()}
+        self._flaws = Flaws.of(scenario.student, self._robots[STUDENT])
+        self._events = events_of(scenario, self._spots)
         self._simulation = Simulation(physics_of(scenario))
-        for name, body in self._robots.items():
+        for name, body in self._true.items():
             spot = self._spots[name]
             self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
         world, rig = scenario.world, scenario.rig
@@ -52,6 +57,7 @@ class SimulatedBackend:
         self._pan_step = math.radians(rig.pan_speed_deg) * world.control_step
         self._steps_per_frame = max(1, round(1 / (rig.camera_rate * world.control_step)))
         self._pan = 0.0
+        self._now = dict(self._true)
         self.reset(np.random.SeedSequence(scenario.seed))
 
     @property
@@ -66,25 +72,42 @@ class SimulatedBackend:
 
     def reset(self, seeds: np.random.SeedSequence) -> None:
         """See :class:`Backend`."""
-        camera, *tilts = seeds.spawn(1 + len(self._robots))
-        self._camera_rng = np.random.default_rng(camera)
+        camera, *tilts, servo = seeds.spawn(2 + len(self._robots))
+        self._camera_rng, self._pan_rng = np.random.default_rng(camera), np.random.default_rng(servo)
         self._tilt_rngs = dict(zip(self._robots, map(np.random.default_rng, tilts), strict=True))
         self._pan, self._step = 0.0, 0
         self._frame: tuple[int, Pair] | None = None
+        self._pan_target, self._pan_error = 0.0, 0.0
+        if self._now != self._true:
+            self._simulation.replace(STUDENT, self._true[STUDENT])
+            self._now = dict(self._true)
+        self._kept = np.full(len(self._robots[STUDENT].joints), True)  # commands that still move something
+        for event in self._events:
+            event.reset()
         self._simulation.reset(*self._robots)
 
     def apply(self, commands: Mapping[str, Vector], pan: float) -> None:
         """See :class:`Backend`."""
+        for event in self._events:
+            event.happen(self, self._step)
         for name, targets in commands.items():
+            if name == STUDENT:
+                targets = self._flaws.turned(targets)[self._kept]
             self._simulation.command(name, targets)
         self._simulation.step(self._substeps)
-        self._pan += float(np.clip(pan - self._pan, -self._pan_step, self._pan_step))
+        if pan != self._pan_target:
+            self._pan_target = pan
+            deviation = np.clip(self._pan_rng.standard_normal(), -MOST_PAN_ERRORS, MOST_PAN_ERRORS)
+            self._pan_error = math.radians(self._scenario.rig.pan_error_deg) * float(deviation)
+        way = pan + self._pan_error - self._pan
+        self._pan += float(np.clip(way, -self._pan_step, self._pan_step))
         self._step += 1
 
     def tilt(self, robot: str) -> Vector:
         """See :class:`Backend`."""
         noise = math.radians(self._scenario.world.tilt_noise_deg)
-        return self._simulation.tilt(robot) + self._tilt_rngs[robot].normal(0.0, noise, 2)
+        felt = self._simulation.tilt(robot) + self._tilt_rngs[robot].normal(0.0, noise, 2)
+        return felt + self._flaws.tilt_bias if robot == STUDENT else felt
 
     def progress(self, robot: str) -> float:
         """See :class:`Backend`."""
@@ -110,8 +133,36 @@ class SimulatedBackend:
         return self._step - self._step % self._steps_per_frame
 
     def state(self, robot: str) -> tuple[Vector, Vector]:
-        """The truth about a robot: base (7,) position (m) and quaternion of its root, joint angles (rad)."""
-        return self._simulation.base(robot), self._simulation.joints(robot)
+        """The truth about a robot: base (7,) position (m) and quaternion of its root, joint angles (rad).
+
+        There are as many angles as the robot has commands; those of lost limbs are zero.
+        """
+        joints = self._simulation.joints(robot)
+        if robot == STUDENT and len(joints) < len(self._kept):
+            angles = np.zeros(len(self._kept))
+            angles[self._kept] = joints
+            joints = angles
+        return self._simulation.base(robot), joints
+
+    def bodies_now(self) -> Mapping[str, Morphology]:
+        """The truth about the bodies: with the reality gap, and without what was lost."""
+        return self._now
+
+    def lose(self, limb: str) -> None:
+        """A limb of the student falls off and is gone, with all that hangs on it."""
+        body = self._now[STUDENT].without(limb)
+        self._now = {**self._now, STUDENT: body}
+        self._kept = np.array([joint in body.joints for joint in self._robots[STUDENT].joints])
+        self._simulation.replace(STUDENT, body)
+
+    def lock(self, joint: str) -> None:
+        """A joint of the student seizes where it is."""
+        if joint in self._now[STUDENT].joints:
+            self._simulation.lock(STUDENT, joint)
+
+    def push(self, robot: str, velocity: tuple[float, float]) -> None:
+        """A robot is given a velocity over the ground (m/s)."""
+        self._simulation.push(robot, velocity)
 
     def close(self) -> None:
         """See :class:`Backend`."""

@@ -14,7 +14,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from testbed.scenario import Scenario
+from testbed.scenario import Scenario, drawn
 from testbed.world.backend import Backend
 from testbed.world.bullet import IMAGE, SimulatedBackend
 from testbed.world.placement import STUDENT, placements
@@ -44,7 +44,7 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
     same episode, bit for bit.
 
     Args:
-        scenario: Who stands where.
+        scenario: Who stands where. What it leaves to chance is drawn as for its first trial.
         render_mode: None, ``rgb_array`` or ``human`` (a window; needs a display).
         backend: The simulated world if not given.
     """
@@ -52,7 +52,7 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
     def __init__(
         self, scenario: Scenario, *, render_mode: str | None = None, backend: Backend | None = None
     ) -> None:
-        self.scenario = scenario
+        self.scenario = scenario = drawn(scenario, 0)
         self.render_mode = render_mode
         self.metadata: dict[str, Any] = {
             "name": "whom_to_imitate_v0",
@@ -88,7 +88,7 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         self.backend.reset(self._seeds.spawn(1)[0])
         self.agents = list(self.possible_agents)
         self._cycle = 0
-        self._commands = {name: np.zeros(len(body.joints)) for name, body in self.backend.robots.items()}
+        self._commands = {name: body.rest for name, body in self.backend.robots.items()}
         self._progress = dict.fromkeys(self.agents, 0.0)
         return self._observe(), {name: {} for name in self.agents}
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbed.morphology import Morphology
-from testbed.scenario import Scenario
+from testbed.scenario_specs import Scenario
+from testbed.scenario_teacher import TeacherSpec
 
 STUDENT = "student"
 
@@ -41,11 +42,16 @@ def placements(scenario: Scenario, bodies: Mapping[str, Morphology]) -> dict[str
     x, y = scenario.student.position
     spots = {STUDENT: Placement((x, y), 0.0, math.atan2(x, y))}
     for name, teacher in zip(teacher_names(scenario), scenario.teachers, strict=True):
-        bearing = math.radians(teacher.bearing_deg)
-        yaw = math.radians(teacher.facing_deg) - bearing
-        nearest, farthest, _ = bodies[name].reach()
-        middle = (nearest + farthest) / 2
-        x = teacher.distance * math.sin(bearing) - middle * math.cos(yaw)
-        y = teacher.distance * math.cos(bearing) - middle * math.sin(yaw)
-        spots[name] = Placement((x, y), yaw, bearing)
+        spots[name] = placed(teacher, bodies[name])
     return spots
+
+
+def placed(teacher: TeacherSpec, body: Morphology) -> Placement:
+    """A teacher's spot, see :func:`placements`."""
+    bearing = math.radians(teacher.bearing_deg)
+    yaw = math.radians(teacher.facing_deg) - bearing
+    nearest, farthest, _ = body.reach()
+    middle = (nearest + farthest) / 2
+    x = teacher.distance * math.sin(bearing) - middle * math.cos(yaw)
+    y = teacher.distance * math.cos(bearing) - middle * math.sin(yaw)
+    return Placement((x, y), yaw, bearing)

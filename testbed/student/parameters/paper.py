@@ -1,4 +1,4 @@
-"""Everything that the paper leaves open, in one place: a name, a default and a reason for each.
+"""Everything that the paper leaves open: a name, a default and a reason for each.
 
 The student ``paper`` follows Kaipa, Bongard and Meltzoff (2010) to the letter; where the letter is silent a
 parameter below speaks. Lengths are in metres, angles in radians unless the name ends in ``_deg``, times in
@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from testbed.student.parameters.frozen import Frozen
 
 DEFAULT_THRESHOLDS = {"final_error": -0.67, "relative_reduction": 0.29}
 """By score, the first in rad: the medians of 24 development trials (48 teachers, seed 3001)."""
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class SelfDiscoveryParameters(_Frozen):
+class SelfDiscoveryParameters(Frozen):
     """Section 3.2: from motor commands and tilt to a self-model."""
 
     commands: int = Field(10, ge=1, le=1000, description="Section 3.2.1: ten random actuation commands.")
@@ -52,7 +50,7 @@ class SelfDiscoveryParameters(_Frozen):
         return self
 
 
-class ImaginationParameters(_Frozen):
+class ImaginationParameters(Frozen):
     """Section 3.2.2: the physics in which self-models are simulated; what the student believes, not what is true."""
 
     physics_step: float = Field(
@@ -67,7 +65,7 @@ class ImaginationParameters(_Frozen):
     )
 
 
-class LookingParameters(_Frozen):
+class LookingParameters(Frozen):
     """Section 3.3, before modelling: finding candidates, and when to look at them. All open in the paper."""
 
     sweep_step: float = Field(
@@ -101,7 +99,7 @@ class LookingParameters(_Frozen):
     )
 
 
-class TeacherModellingParameters(_Frozen):
+class TeacherModellingParameters(Frozen):
     """Section 3.3: from stereo image pairs to a teacher model.
 
     "Measured" below: the silhouettes' overlap (intersection over union, both eyes, after each of the three image
@@ -196,7 +194,7 @@ class TeacherModellingParameters(_Frozen):
         return self
 
 
-class ImitationParameters(_Frozen):
+class ImitationParameters(Frozen):
     """Section 3.4: from a teacher model's roll history to a neural controller."""
 
     iterations: int = Field(
@@ -241,7 +239,7 @@ class ImitationParameters(_Frozen):
         return self
 
 
-class VerdictParameters(_Frozen):
+class VerdictParameters(Frozen):
     """Section 3.4 and Fig. 8: from controller errors to a verdict.
 
     "Measured" below: 24 development trials (seed 3001) of the scenario ``paper``, AUC with bootstrap interval. What the
@@ -266,39 +264,3 @@ class VerdictParameters(_Frozen):
     def decisive(self) -> float:
         """The threshold that counts."""
         return DEFAULT_THRESHOLDS[self.score] if self.threshold is None else self.threshold
-
-
-class PaperParameters(_Frozen):
-    """The open parameters of the student ``paper``, phase by phase."""
-
-    self_discovery: SelfDiscoveryParameters = SelfDiscoveryParameters()
-    imagination: ImaginationParameters = ImaginationParameters()
-    looking: LookingParameters = LookingParameters()
-    teacher_modelling: TeacherModellingParameters = TeacherModellingParameters()
-    imitation: ImitationParameters = ImitationParameters()
-    verdict: VerdictParameters = VerdictParameters()
-
-    @model_validator(mode="after")
-    def _history_divides(self) -> PaperParameters:
-        modelling, samples = self.teacher_modelling, self.imitation.samples
-        length = modelling.image_pairs * modelling.passes_per_image * modelling.estimation_iterations
-        if length % samples:
-            raise ValueError(
-                f"imitation.samples must divide the length of the parameter history, {length}, not be {samples}"
-            )
-        return self
-
-    def smoke(self) -> PaperParameters:
-        """The same student in a hurry: every phase runs, none long enough to mean anything."""
-        short = {
-            "self_discovery": {"commands": 3, "iterations": 4, "settle_time": 0.5},
-            "teacher_modelling": {"passes_per_image": 30},
-            "imitation": {"iterations": 6, "samples": 2},
-        }
-        data = self.model_dump()
-        for phase, changes in short.items():
-            data[phase].update(changes)
-        modelling = data["teacher_modelling"]
-        length = modelling["image_pairs"] * modelling["passes_per_image"] * modelling["estimation_iterations"]
-        data["imitation"]["samples"] = max(count for count in range(2, 25) if length % count == 0)
-        return PaperParameters.model_validate(data)

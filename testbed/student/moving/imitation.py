@@ -11,9 +11,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.special import expit
 
 from testbed.morphology import Morphology, Vector
-from testbed.student.imagination import Imagination
+from testbed.student.body.imagination import Imagination
+from testbed.student.moving.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.parameters import ImitationParameters
-from testbed.student.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.search import HillClimber, choose_variables
 from testbed.vision.primitives import OMEGA, X, Y
 

@@ -15,10 +15,19 @@ Answer = Literal["appropriate", "inappropriate"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """An answer and the score that it was drawn from; the higher, the more like the student."""
+    """An answer, and what it was drawn from.
+
+    Attributes:
+        answer: Appropriate or not.
+        score: The higher, the more like the student.
+        probability: That the candidate is appropriate, as far as the score tells; None if nobody calibrated it.
+        reason: The same in words; empty if there are none.
+    """
 
     answer: Answer
     score: float
+    probability: float | None = None
+    reason: str = ""
 
 
 def judge(errors: Vector, terms: int, parameters: VerdictParameters) -> Verdict:

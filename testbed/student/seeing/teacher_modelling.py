@@ -14,7 +14,7 @@ of the 24 000 iterations are the record that imitation (Section 3.4) reads: as t
     modelling = Modelling(rig, parts=3, parameters=TeacherModellingParameters(), rng=np.random.default_rng(7))
     for left, right in image_pairs:
         modelling.observe(left, right)
-    rolls = modelling.record().sampled(240)[:, :, 4]
+    rolls = modelling.record().motion.sampled(240)[:, :, 4]
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.student import _eea, _mutation
+from testbed.student.motion import TeacherMotion
 from testbed.student.parameters import TeacherModellingParameters
+from testbed.student.seeing import _eea, _mutation
 from testbed.vision.camera import StereoRig
 from testbed.vision.primitives import COLUMNS, CUBOID, D1, OMEGA, SHAPE, X, Y, Z
 
@@ -41,6 +42,7 @@ class TeacherRecord:
     pixels: NDArray[np.int16]  # (passes, 2, 2): the pixel (u, v) learnt by the left and by the right camera
     disagreed: NDArray[np.bool_]  # (passes, 2): whether A and B disagreed on it (Eq. 3)
     images: NDArray[np.uint8]  # (pairs, 2, height, width): what the student saw
+    times: NDArray[np.float64]  # (pairs,): when, s
 
     @property
     def final(self) -> NDArray[np.float64]:
@@ -48,19 +50,13 @@ class TeacherRecord:
         model: NDArray[np.float64] = self.history[-1]
         return model
 
-    def sampled(self, count: int = 240) -> NDArray[np.float64]:
-        """(count, k, 8): the history sub-sampled evenly, its last entry included.
-
-        Section 3.4.1 takes every 100th of 24 000.
-
-        Raises ValueError if the history is not a multiple of ``count``.
-        """
-        stride, rest = divmod(len(self.history), count)
-        if stride == 0 or rest:
-            raise ValueError(
-                f"a history of {len(self.history)} entries cannot be sampled {count} times evenly"
-            )
-        return self.history[stride - 1 :: stride]
+    @property
+    def motion(self) -> TeacherMotion:
+        """The history as a motion: each image pair's share of it lasts until the next pair."""
+        pairs = len(self.times)
+        lasts = float(self.times[-1] - self.times[0]) / max(pairs - 1, 1) * pairs or 1.0
+        times = self.times[0] + np.arange(1, len(self.history) + 1) * (lasts / len(self.history))
+        return TeacherMotion(times, self.history)
 
 
 def random_models(
@@ -160,8 +156,11 @@ class Modelling:
         self._images.append(images)
         self._traces.append(trace)
 
-    def record(self) -> TeacherRecord:
-        """The record so far. Raises ValueError before the first image pair."""
+    def record(self, times: NDArray[np.float64] | None = None) -> TeacherRecord:
+        """The record so far; ``times`` (pairs,) says when the image pairs were seen (s), one a second if not given.
+
+        Raises ValueError before the first image pair.
+        """
         if not self._traces:
             raise ValueError("nothing has been observed yet")
         histories = np.concatenate([t.histories for t in self._traces])
@@ -176,6 +175,7 @@ class Modelling:
             pixels=np.stack([u, v], axis=-1).astype(np.int16),
             disagreed=np.concatenate([t.disagreed for t in self._traces]),
             images=np.stack(self._images),
+            times=np.arange(len(self._images), dtype=float) if times is None else times,
         )
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.student._mutation import Draws, Rules, mutate
+from testbed.student.seeing._mutation import Draws, Rules, mutate
 from testbed.vision._jit import compiled
 from testbed.vision.kernel import cover
 

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Vector
-from testbed.student.imagination import Imagination
+from testbed.morphology import Morphology, Vector
+from testbed.student.body.imagination import Imagination
+from testbed.student.body.self_model import BodyPrior, Tree, branch_columns, branches_of, self_model, tree_of
 from testbed.student.parameters import SelfDiscoveryParameters
 from testbed.student.search import HillClimber, choose_variables
-from testbed.student.self_model import BodyPrior, self_model
-
-BRANCH = 1
-"""Column of lambda in the genome (alpha, lambda, beta)."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +20,15 @@ class SelfDiscoveryRecord:
     """What the student felt and came to believe about its body.
 
     Attributes:
-        commands: (n, 2) random motor commands, rad.
+        prior: What it knew of its body beforehand.
+        commands: (n, joints) random motor commands, rad.
         tilt: (n, 2) settled tilt after each, rad.
-        genomes: (iterations + 1, 3) the parent after each iteration, the random start first.
+        genomes: (iterations + 1, genes) the parent after each iteration, the random start first.
         errors: (iterations + 1,) its error, Eq. 1, rad.
         believed_tilt: (iterations + 1, n, 2) the tilt that it would have felt with that body, rad.
     """
 
+    prior: BodyPrior
     commands: Vector
     tilt: Vector
     genomes: Vector
@@ -38,8 +37,18 @@ class SelfDiscoveryRecord:
 
     @property
     def genome(self) -> Vector:
-        """(alpha rad, lambda, beta rad) of the final self-model."""
+        """(alpha rad, lambda, beta rad) of the final self-model; see :mod:`testbed.student.body.self_model`."""
         return np.asarray(self.genomes[-1])
+
+    @property
+    def stages(self) -> tuple[tuple[Tree, Vector], ...]:
+        """On what the limbs hang and at what angles (limbs,) rad, after each iteration."""
+        return tuple(tree_of(genome) for genome in self.genomes)
+
+    @property
+    def body(self) -> Morphology:
+        """The final self-model."""
+        return self_model(self.prior, self.genome)
 
 
 def random_commands(
@@ -72,7 +81,7 @@ def evolve_self_model(
             body, commands, limit=parameters.settle_time, rest_speed=parameters.rest_speed
         )
 
-    start = np.array([rng.uniform(0, math.tau), float(rng.integers(2)), rng.uniform(0, math.tau)])
+    start = random_genome(len(prior.limbs), rng)
     believed = [feel(start)]
     climber = HillClimber(start, tilt_error(tilt, believed[0]))
     for iteration in range(parameters.iterations):
@@ -82,17 +91,29 @@ def evolve_self_model(
         believed.append(child_tilt if better else believed[-1])
         progress(iteration + 1, parameters.iterations)
     return SelfDiscoveryRecord(
-        commands, tilt, np.array(climber.parents), np.array(climber.errors), np.array(believed)
+        prior, commands, tilt, np.array(climber.parents), np.array(climber.errors), np.array(believed)
+    )
+
+
+def random_genome(limbs: int, rng: np.random.Generator) -> Vector:
+    """A genome whose angles are uniform over the circle and whose branches are uniform over what is possible."""
+    branches = set(branch_columns(limbs).tolist())
+    return np.array(
+        [
+            float(rng.integers(branches_of(gene))) if gene in branches else rng.uniform(0, math.tau)
+            for gene in range(2 * limbs - 1)
+        ]
     )
 
 
 def mutate(genome: Vector, parameters: SelfDiscoveryParameters, rng: np.random.Generator) -> Vector:
     """One to three variables change: angles by a Gaussian, lambda to a new random value of 0 and 1."""
     child = genome.copy()
+    branches = branch_columns((len(genome) + 1) // 2)
     width = math.radians(parameters.angle_width_deg)
     for variable in choose_variables(rng, len(child), parameters.mutations_min, parameters.mutations_max):
-        if variable == BRANCH:
-            child[variable] = float(rng.integers(2))
+        if variable in branches:
+            child[variable] = float(rng.integers(branches_of(int(variable))))
         else:
             child[variable] += rng.normal(0.0, width)
     return child

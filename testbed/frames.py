@@ -1,0 +1,36 @@
+"""Poses: (4, 4) matrices that shift and turn, and what a tilt sensor reads of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.parts import Vector
+
+
+def translation(x: float, y: float, z: float) -> Vector:
+    """A (4, 4) pose that only shifts."""
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def rotation_y(angle: float) -> Vector:
+    """A (4, 4) pose that only turns about y: x turns toward -z, downward, for positive angles (rad)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
+
+
+def rotation_z(angle: float) -> Vector:
+    """A (4, 4) pose that only turns about z, counter-clockwise seen from above, in rad."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+def tilt_of(quaternion: NDArray[np.floating]) -> Vector:
+    """(2,) tilt (rad) of a body with this orientation (xyzw), as an accelerometer at rest reads it."""
+    x, y, z, w = (float(part) for part in quaternion)
+    up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))  # world's up in the body's frame
+    return np.array([math.atan2(up[1], up[2]), math.atan2(-up[0], math.hypot(up[1], up[2]))])

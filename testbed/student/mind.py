@@ -1,0 +1,224 @@
+"""How a student thinks: the phases of its life, each by a method that the scenario names.
+
+A mind has no body and no eyes. It asks for motor commands and is told how they tilted the body; it asks when to look
+and is shown what was there. So several minds can live in one student, each judging the same candidates by the same
+senses. What two of them would work out alike is worked out once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from testbed.morphology import Morphology, Vector
+from testbed.student import phases
+from testbed.student.body.damage import SelfCheck
+from testbed.student.body.damage_report import DamageReport
+from testbed.student.body.posterior import SelfKnowledge
+from testbed.student.body.self_model import BodyPrior, Tree
+from testbed.student.judging.verdict import Verdict
+from testbed.student.methods import MindPlan
+from testbed.student.motion import Watched
+from testbed.student.phases import Imitated, Modelled
+from testbed.student.senses import Progress, Senses
+
+T = TypeVar("T")
+
+
+class Self(Protocol):
+    """What a mind found out about its body (Section 3.2)."""
+
+    @property
+    def body(self) -> Morphology:
+        """The self-model."""
+        ...
+
+    @property
+    def stages(self) -> tuple[tuple[Tree, Vector], ...]:
+        """The best self-model after each step: on what the limbs hang, and at what angles (limbs,) rad."""
+        ...
+
+    @property
+    def errors(self) -> Vector:
+        """Its error after each step, Eq. 1, rad."""
+        ...
+
+    @property
+    def commands(self) -> Vector:
+        """(n, joints) the commands that it tried, rad."""
+        ...
+
+    @property
+    def tilt(self) -> Vector:
+        """(n, 2) how they tilted the body, rad."""
+        ...
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What one mind made of one candidate.
+
+    Attributes:
+        looks: (frames that the mind saw,) their places among the frames of the candidate.
+        model: How the teacher model came about (Section 3.3).
+        imitation: How the student tried to move like it (Section 3.4).
+        verdict: Appropriate or not.
+        controller_verdict: The same by the controller alone, as in the paper.
+    """
+
+    looks: tuple[int, ...]
+    model: Modelled
+    imitation: Imitated
+    verdict: Verdict
+    controller_verdict: Verdict
+
+
+class Mind:
+    """One way of thinking.
+
+    Args:
+        spec: Its phases by name, and what they leave open.
+        prior: What it knows of its body beforehand.
+        senses: What it knows of its equipment.
+        seeds: Source of all its chance.
+        progress: Told how far each phase is.
+        common: Thoughts of all the minds of a student, by what they depend on.
+    """
+
+    def __init__(
+        self,
+        spec: MindPlan,
+        prior: BodyPrior,
+        senses: Senses,
+        seeds: np.random.SeedSequence,
+        progress: Progress,
+        common: dict[str, object],
+    ) -> None:
+        self.name, self.phases, self.parameters = spec.name, spec.phases, spec.parameters
+        self._prior, self._senses, self._seeds = prior, senses, seeds
+        self._progress, self._common = progress, common
+        self._self_discovery = self._key("self_discovery")
+        self.itself: Self | None = None
+
+    @property
+    def looks(self) -> tuple[float, ...]:
+        """When it wants to see a candidate: seconds since the rig turned there."""
+        looking, watching = self.parameters.looking, self.parameters.watching
+        if self.phases.teacher_modelling == "eea":
+            pairs = range(self.parameters.teacher_modelling.image_pairs)
+            return tuple(looking.first_look + pair * looking.look_interval for pair in pairs)
+        frames = range(max(2, round(watching.duration * watching.rate)))
+        return tuple(looking.first_look + frame / watching.rate for frame in frames)
+
+    def discover_itself(self) -> Generator[Vector, Vector | None, Self]:
+        """Section 3.2: yields motor commands (joints,) rad and is sent the tilt (2,) rad that each led to."""
+        key = self._self_discovery
+        rng = np.random.default_rng(self._seeds.spawn(1)[0])
+        if key not in self._common:
+            discover = phases.SELF_DISCOVERY[self.phases.self_discovery]
+            found = yield from discover(
+                self._prior, self.parameters, self._senses, rng, self._phase("self-discovery")
+            )
+            self._common[key] = found
+        self.itself = self._common[key]  # type: ignore[assignment]
+        assert self.itself is not None
+        return self.itself
+
+    def check_itself(self) -> Generator[Vector, Vector | None, DamageReport | None]:
+        """Extension: is the body still what it was? Asks and is told as :meth:`discover_itself`.
+
+        Returns None if this mind cannot tell: it needs a posterior to know what would surprise it.
+        """
+        parameters = self.parameters.self_check
+        if not isinstance(self.itself, SelfKnowledge) or not parameters.checks:
+            return None
+        check = SelfCheck(self.itself, parameters.damage, np.random.default_rng(self._seeds.spawn(1)[0]))
+        for _ in range(parameters.checks):
+            command = check.next_command()
+            tilt = yield command
+            assert tilt is not None
+            check.tell(command, tilt)
+        return check.record()
+
+    def consider(self, number: int, watched: Watched, looks: tuple[int, ...]) -> Judgement:
+        """Sections 3.3 and 3.4: model a candidate, try to move like it, and decide.
+
+        Args:
+            number: Which candidate.
+            watched: All that the student saw of it.
+            looks: Which of the frames this mind asked for.
+        """
+        assert self.itself is not None, "a mind discovers itself before it judges others"
+        watching, trying = map(np.random.default_rng, self._seeds.spawn(2))
+        parameters, body = self.parameters, self.itself.body
+        seen = Watched(watched.frames[list(looks)], watched.times[list(looks)])
+
+        modelling = f"{number} {looks} {self._self_discovery} {self._key('teacher_modelling')}"
+        model = self._once(
+            modelling,
+            lambda: phases.TEACHER_MODELLING[self.phases.teacher_modelling](
+                seen,
+                phases.Own(self._prior, body),
+                self._senses,
+                parameters,
+                watching,
+                self._phase(f"teacher modelling {number}"),
+            ),
+        )
+        imitating = f"{modelling} {self._key('imitation')}"
+        imitation = self._once(
+            imitating,
+            lambda: phases.IMITATION[self.phases.imitation](
+                model, body, self._senses, parameters, trying, self._phase(f"imitation {number}")
+            ),
+        )
+        verdict, by_controller = (
+            phases.VERDICT[rule](model, imitation, body, parameters)
+            for rule in (self.phases.verdict, "controller")
+        )
+        return Judgement(looks, model, imitation, verdict, by_controller)
+
+    def commands(self, judgement: Judgement, damage: DamageReport | None = None) -> Vector:
+        """(steps, joints) motor commands, one a control step, with which the student moves like that teacher.
+
+        With a joint that no longer moves it tries anew what its body still can; with a limb lost it has not the body
+        any more that the teacher has, and does not try: no steps.
+        """
+        assert self.itself is not None, "a mind discovers itself before it moves"
+        body, imitation = self.itself.body, judgement.imitation
+        if damage is not None and damage.kind == "limb_lost":
+            return np.empty((0, len(body.joints)))
+        if damage is not None and damage.kind == "joint_locked":
+            body, trying = damage.body, np.random.default_rng(self._seeds.spawn(1)[0])
+            imitate = phases.IMITATION[self.phases.imitation]
+            again = self._phase("imitation with a damaged body")
+            imitation = imitate(judgement.model, body, self._senses, self.parameters, trying, again)
+        perform = phases.PERFORMANCE[self.phases.imitation]
+        practising = np.random.default_rng(self._seeds.spawn(1)[0])
+        commands: Vector = perform(
+            judgement.model,
+            imitation,
+            body,
+            self._senses,
+            self.parameters,
+            practising,
+            self._phase("practising"),
+        )
+        return commands
+
+    def _key(self, phase: str) -> str:
+        """Everything that a phase's outcome depends on, beside what it is given."""
+        method = getattr(self.phases, phase)
+        sections = phases.SECTIONS[phase, method]
+        return f"{method} {self.parameters.model_dump_json(include=set(sections))}"
+
+    def _once(self, key: str, think: Callable[[], T]) -> T:
+        if key not in self._common:
+            self._common[key] = think()
+        return self._common[key]  # type: ignore[return-value]
+
+    def _phase(self, name: str) -> Callable[[int, int], None]:
+        return lambda done, total: self._progress(name, done, total)
