@@ -9,14 +9,16 @@ import numpy as np
 import pybullet
 
 from benchmarks.measure import Row, against, row
-from testbed.experiment.trial import run_trial
+from testbed.experiment.trial import live, run_trial, senses_of, silent, student_of
 from testbed.morphology import load_robot
-from testbed.scenario import load_scenario
+from testbed.scenario import load_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_discovery import evolve_self_model, random_commands
 from testbed.student.body.self_model import BodyPrior
+from testbed.student.mind import Mind
 from testbed.student.parameters import ImaginationParameters, SelfDiscoveryParameters
 from testbed.world.bullet import SimulatedBackend
+from testbed.world.env import World
 
 CORES = 2
 PAPER_TRIALS, PAPER_MINUTES = 30, 30
@@ -24,7 +26,7 @@ PAPER_TRIALS, PAPER_MINUTES = 30, 30
 
 def rows() -> list[Row]:
     """Every measurement of this file, as rows of benchmarks/results.json."""
-    return [stereo_pair(), self_discovery(), one_trial()]
+    return [stereo_pair(), self_discovery(), one_candidate(), one_trial()]
 
 
 def self_discovery() -> Row:
@@ -41,6 +43,31 @@ def self_discovery() -> Row:
             seconds.append(time.perf_counter() - begin)
     ours = np.array(seconds)
     return row("self-discovery, 50 iterations", "target seconds", 1.0, np.full_like(ours, 5.0), ours)
+
+
+def one_candidate() -> Row:
+    """What `like_me` makes of one candidate, from the first frame to the verdict, in seconds, against 5."""
+    scenario = with_overrides(load_scenario("whom_to_imitate"), seed=10_000)
+    scenario = scenario.model_copy(update={"beside": ()})
+    backend = SimulatedBackend(scenario)
+    world = World(scenario, backend=backend)
+    student = student_of(scenario, np.random.SeedSequence(1))
+    try:
+        live(world, backend, student, seed=1)
+    finally:
+        world.close()
+    life, seconds = student.life, []
+    assert life is not None
+    prior, senses = BodyPrior.of(scenario.student.body()), senses_of(scenario)
+    for seed in range(3):
+        for number, candidate in enumerate(life.candidates):
+            mind = Mind(scenario.student, prior, senses, np.random.SeedSequence(seed), silent, {})
+            mind.itself = life.selves[life.leader]
+            begin = time.perf_counter()
+            mind.consider(number, candidate.watched, candidate.judgements[life.leader].looks)
+            seconds.append(time.perf_counter() - begin)
+    ours = np.array(seconds)
+    return row("like_me: one candidate to its verdict", "target seconds", 1.0, np.full_like(ours, 5.0), ours)
 
 
 def one_trial() -> Row:

@@ -24,7 +24,8 @@ from pydantic import Field, model_validator
 from testbed.documents import read_document, validate
 from testbed.errors import UserError
 from testbed.frames import rotation_y, rotation_z, translation
-from testbed.parts import CappedCylinder, Cuboid, Frozen, Part, Sphere, Vector
+from testbed.frozen import Frozen
+from testbed.parts import CappedCylinder, Cuboid, Part, Sphere, Vector
 from testbed.resources import robot_path
 
 __all__ = [

@@ -7,16 +7,12 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from testbed.frozen import Frozen
 
 Vector = NDArray[np.float64]
 Length = Annotated[float, Field(gt=0, le=2.0, description="metres")]
-
-
-class Frozen(BaseModel):
-    """A frozen description in which unknown keys, infinities and NaN are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class _Part(Frozen):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from testbed.frozen import Frozen
 
 LARGEST_SEED = 2**32 - 1
 STEP_TOLERANCE = 1e-3  # so that 0.01667 and 0.004167 written by hand still are 4 to 1
 
 
-class Spec(BaseModel):
-    """A frozen description in which unknown keys, infinities and NaN are refused."""
+class Spec(Frozen):
+    """A part of a scenario; what its fields are by default is checked like what a file says."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+    model_config = ConfigDict(validate_default=True)
 
 
 def unit_field(default: Any, unit: str, **constraints: Any) -> Any:

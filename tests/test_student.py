@@ -104,6 +104,8 @@ def test_a_motion_is_sampled_evenly_and_mixed_between_its_moments() -> None:
     motion = TeacherMotion(np.arange(4.0), parts)
     assert motion.sampled(2)[:, 0, 0].tolist() == [1.0, 3.0]
     assert motion.sampled(4)[:, 0, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert motion.thinned(2).times.tolist() == [1.0, 3.0]
+    assert motion.thinned(4) is motion
     assert motion.sampled(8)[:, 0, 0].tolist() == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
 
 

@@ -56,14 +56,19 @@ def run_trial(
 
 def student_of(scenario: Scenario, seeds: np.random.SeedSequence, progress: Progress = silent) -> Student:
     """The scenario's student, with all the minds that it has."""
+    prior = BodyPrior.of(scenario.student.body())
+    return Student(prior, senses_of(scenario), scenario.minds, seeds, progress)
+
+
+def senses_of(scenario: Scenario) -> Senses:
+    """What the scenario's student knows of its own equipment."""
     rig = scenario.rig
-    senses = Senses(
+    return Senses(
         rig=rig_of(scenario),
         pan_limit=math.radians(rig.pan_limit_deg),
         pan_speed=math.radians(rig.pan_speed_deg),
         control_step=scenario.world.control_step,
     )
-    return Student(BodyPrior.of(scenario.student.body()), senses, scenario.minds, seeds, progress)
 
 
 def live(world: World, backend: SimulatedBackend, student: Student, seed: int) -> Arrays:

@@ -36,6 +36,14 @@ class TeacherMotion:
     times: Vector
     parts: Vector
 
+    def thinned(self, count: int) -> TeacherMotion:
+        """The same motion at ``count`` moments spread evenly over it, or as it is if it has no more."""
+        if len(self.times) <= count:
+            return self
+        last = len(self.times)
+        times = np.interp(np.arange(1, count + 1) * (last / count) - 1, np.arange(last), self.times)
+        return TeacherMotion(times, self.sampled(count))
+
     def sampled(self, count: int) -> Vector:
         """(count, k, 8): the motion at moments spread evenly over it, the last included.
 

@@ -189,7 +189,7 @@ def try_out(
     with Imagination(parameters.imagination, senses.control_step) as imagination:
         return rehearse(
             body,
-            model.motion,
+            model.motion.thinned(parameters.imitation.samples),
             imagination,
             parameters.rehearsal,
             rng,

@@ -20,14 +20,14 @@ import numpy as np
 
 from testbed.morphology import Vector
 from testbed.student.body.commands import worth_of
-from testbed.student.body.genomes import Genomes, Mind, Tree
+from testbed.student.body.genomes import Genomes, Mind
 from testbed.student.body.plausibility import Felt, Fit, judge_bodies
 from testbed.student.body.population import spread_evenly, survivors, tempered
 from testbed.student.body.posterior import FoldClass, History, SelfKnowledge, fold_classes
 from testbed.student.body.posterior_samples import sample_posterior
 from testbed.student.body.proposals import Proposals
 from testbed.student.body.refinement import Refinement
-from testbed.student.body.self_model import BodyPrior
+from testbed.student.body.self_model import BodyPrior, Tree
 from testbed.student.parameters import ActiveDiscoveryParameters
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from testbed.morphology import Morphology
-from testbed.student.body.genomes import Tree
-from testbed.student.body.self_model import hinge_name, limb_name
+from testbed.student.body.self_model import Tree, hinge_name, limb_name
 
 DamageKind = Literal["none", "limb_lost", "joint_locked"]
 

@@ -8,18 +8,15 @@ one has: what each servo adds to its command, and how much longer each limb is t
 from __future__ import annotations
 
 import itertools
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Joint, Morphology, Part, Vector
+from testbed.morphology import Morphology, Part, Vector
 from testbed.student.body._candidates import settle_candidates
 from testbed.student.body._postures import Indices
-from testbed.student.body.self_model import MAIN, BodyPrior, hinge_name
+from testbed.student.body.self_model import BodyPrior, Tree, joined
 from testbed.student.body.settling import INCREMENT, parents_first, shape_row
-
-Tree = tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -151,18 +148,8 @@ def body_of(prior: BodyPrior, parents: Tree, angles: Vector, stretches: Vector) 
         angles: (n,) mounting angles, rad.
         stretches: (n,) factors of the limbs' lengths.
     """
-    names = [MAIN, *(motor.child for motor in prior.motors)]
-    joints: dict[str, Joint] = {}
-    parts: dict[str, Part] = {MAIN: prior.main}
-    for limb, (part, motor) in enumerate(zip(prior.limbs, prior.motors, strict=True)):
-        parts[names[limb + 1]] = stretched(part, float(stretches[limb]))
-        joints[hinge_name(limb)] = motor.model_copy(
-            update={
-                "parent": names[parents[limb]],
-                "angle_deg": math.remainder(math.degrees(float(angles[limb])), 360),
-            }
-        )
-    return Morphology(name="self_model", parts=parts, joints=joints)
+    limbs = tuple(stretched(part, float(factor)) for part, factor in zip(prior.limbs, stretches, strict=True))
+    return joined(replace(prior, limbs=limbs), parents, angles)
 
 
 def stretched(part: Part, factor: float) -> Part:

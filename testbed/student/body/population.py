@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from testbed.morphology import Vector
-from testbed.student.body.genomes import Genomes, Tree
+from testbed.student.body.genomes import Genomes
+from testbed.student.body.self_model import Tree
 from testbed.student.parameters import ActiveDiscoveryParameters
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.morphology import Morphology, Vector
-from testbed.student.body.genomes import Genomes, Tree, body_of
-from testbed.student.body.self_model import BodyPrior, limb_name
+from testbed.student.body.genomes import Genomes, body_of
+from testbed.student.body.self_model import BodyPrior, Tree, limb_name
 from testbed.student.parameters import PlausibilityParameters
 
 _FACES = {0: "front", 90: "left", 180: "rear", 270: "right"}

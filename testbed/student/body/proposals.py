@@ -8,7 +8,8 @@ import numpy as np
 
 from testbed.morphology import Vector
 from testbed.student.body._postures import Indices
-from testbed.student.body.genomes import Genomes, Tree, all_trees, is_tree, random_tree
+from testbed.student.body.genomes import Genomes, all_trees, is_tree, random_tree
+from testbed.student.body.self_model import Tree
 from testbed.student.parameters import PlausibilityParameters
 
 _FEW_LIMBS = 4

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
+from testbed.frozen import Frozen
 from testbed.student.parameters.discovering import (
     ActiveDiscoveryParameters,
     DamageParameters,
     PlausibilityParameters,
     SelfCheckParameters,
 )
-from testbed.student.parameters.frozen import Frozen
 from testbed.student.parameters.judging import Calibration, LikenessParameters
 from testbed.student.parameters.moving import HarmonicsParameters, PerformingParameters, RehearsalParameters
 from testbed.student.parameters.paper import (

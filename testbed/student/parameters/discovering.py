@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
+from testbed.frozen import Frozen
 from testbed.morphology import Vector
 from testbed.student.body.commands import CommandParameters
-from testbed.student.parameters.frozen import Frozen
 
 
 class PlausibilityParameters(Frozen):

@@ -11,7 +11,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from testbed.student.parameters.frozen import Frozen
+from testbed.frozen import Frozen
 
 DEFAULT_THRESHOLDS = {"final_error": -0.67, "relative_reduction": 0.29}
 """By score, the first in rad: the medians of 24 development trials (48 teachers, seed 3001)."""

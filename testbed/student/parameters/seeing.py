@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from testbed.student.parameters.frozen import Frozen
+from testbed.frozen import Frozen
 
 
 class WatchingParameters(Frozen):

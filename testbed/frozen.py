@@ -1,4 +1,4 @@
-"""What all parameters have in common."""
+"""What all descriptions in this project have in common."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Frozen(BaseModel):
-    """Numbers that do not change; unknown names, infinities and NaN are refused."""
+    """A description that does not change; unknown keys, infinities and NaN are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
