@@ -173,11 +173,12 @@ _Dumper.add_representer(str, _represent_text)
 def content_hash(scenario: Scenario) -> str:
     """Eight hexadecimal digits of what the scenario says, the robots' descriptions included.
 
-    ``trials`` is left out: it is a total, and a run with more of them continues. Comments, the order of keys,
-    spelled-out defaults and the folder that the files are in change nothing.
+    ``trials`` is left out, also that of cells: it is a total, and a run with more of them continues. Comments, the
+    order of keys, spelled-out defaults and the folder that the files are in change nothing.
     """
     data = _robots_replaced(scenario.template, _robot_content)
-    del data["trials"]
+    for counted in (data, *data.get("cells", {}).values()):
+        counted.pop("trials", None)
     text = json.dumps(data, sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()[:_HASH_LENGTH]
 

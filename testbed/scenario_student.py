@@ -75,6 +75,17 @@ class MindSpec(Spec):
             )
         return method
 
+    @model_validator(mode="after")
+    def _phases_fit(self) -> Self:
+        seen, judged = self.phases.teacher_modelling, self.phases.verdict
+        if judged == "likelihood" and seen != "embodied":
+            what = f"verdict likelihood compares bodies, which teacher_modelling {seen} does not"
+            raise mistake(what, "add 'verdict: controller', or use teacher_modelling: embodied", at="verdict")
+        if judged == "attachment" and seen == "embodied":
+            what = "verdict attachment needs parts that nothing ties together; teacher_modelling embodied ties them"
+            raise mistake(what, "use teacher_modelling: joint_fit", at="verdict")
+        return self
+
     @property
     def phases(self) -> Phases:
         """The method of every phase, the mind's own where the scenario does not choose another."""

@@ -40,7 +40,7 @@ TWO_TEACHERS = (
     "[{robot: crawler, gait: crawl, bearing_deg: -30}, {robot: {choice: [splayed, two_part, four_chain, ball]}, \
 gait: random, bearing_deg: 30, distance: 1.2}]"
 )
-ABLATION = "{name: attachment, method: like_me, verdict: attachment}"
+ABLATION = "{name: attachment, method: like_me, teacher_modelling: joint_fit, verdict: attachment}"
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,11 @@ def write_minds_run(directory: Path, plan: Plan | None = None) -> Path:
                 prefix = "" if mind is here.minds[0] else f"beside/{mind.name}/"
                 names = {**base, "student": mind.name}
                 own, itself = _itself(mind.phases.self_discovery, student, rng)
-                told = {"damage": "limb b lost", "damage_named": "limb b lost" if trial % 5 else "limb a lost",
-                        "damage_noticed_after": 1.0 + trial % 4} if cell == "damage" else {}  # fmt: skip
+                told = {}
+                if cell == "damage":
+                    named = f"limb_lost limb_{'b' if trial % 5 else 'a'}"
+                    told = {"damage": "limb_lost limb_b", "damage_found": named}
+                    told |= {"damage_named_right": trial % 5 > 0, "damage_noticed_after": 1.0 + trial % 4}
                 rows.append({"kind": "self", **names, "robot": student.name, **itself, **told})
                 arrays |= {f"{prefix}{key}": value for key, value in own.items()}
                 for index, spec in enumerate(concrete.teachers):

@@ -155,7 +155,7 @@ def test_a_run_without_teachers_is_about_bodies(alone: Path) -> None:
     assert "What is that over there" not in text
     damaged = [row for row in selves if row["cell"] == "damage"]
     soon = sum(row["damage_noticed_after"] <= 3 for row in damaged)
-    named = sum(row["damage_named"] == row["damage"] for row in damaged)
+    named = sum(row["damage_named_right"] for row in damaged)
     for hits in (soon, named):
         low, high = wilson(hits, len(damaged))
         assert f"{hits} of {len(damaged)}<br><small>{low:.0%} to {high:.0%}</small>" in text

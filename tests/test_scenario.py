@@ -129,6 +129,15 @@ def test_the_resolved_text_states_every_default() -> None:
     assert {"ambient", "iterations", "amplitude_deg"} <= stated
 
 
+def test_the_number_of_trials_of_a_cell_is_no_content_either() -> None:
+    few, many = (
+        parse_scenario(TEACHER + f"cells: {{far: {{trials: {count}}}}}\n", "a.yaml") for count in (2, 9)
+    )
+    assert content_hash(few) == content_hash(many)
+    other = parse_scenario(TEACHER + "cells: {far: {trials: 2, rig: {camera_noise: 6}}}\n", "a.yaml")
+    assert content_hash(few) != content_hash(other)
+
+
 def test_the_hash_follows_the_content_alone() -> None:
     base = content_hash(parse_scenario(TEACHER, "a.yaml"))
     assert re.fullmatch("[0-9a-f]{8}", base)

@@ -140,3 +140,17 @@ def test_specs_are_frozen() -> None:
     scenario = parse_scenario(TEACHER)
     with pytest.raises(ValidationError):
         scenario.seed = 1  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("phases", "mend"),
+    [
+        ("teacher_modelling: joint_fit", "verdict: controller"),
+        ("verdict: attachment", "teacher_modelling: joint_fit"),
+    ],
+)
+def test_phases_that_do_not_fit_together_are_refused_with_their_mend(phases: str, mend: str) -> None:
+    text = f"student: {{method: like_me, {phases}}}\nteachers: [{{robot: crawler, gait: crawl}}]\n"
+    with pytest.raises(UserError, match=mend) as caught:
+        parse_scenario(text)
+    assert caught.value.line == 1

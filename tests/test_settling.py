@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Sphere, Vector, load_robot
 from testbed.physics import tilt_of
-from testbed.student.body.genomes import Genomes, Mind, body_of, random_tree
+from testbed.student.body.genomes import Foresight, Genomes, body_of, random_tree
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.body.settling import Settler, parents_first, tilt_of_up, up_of_tilt
@@ -154,7 +154,7 @@ def test_many_bodies_at_once_are_each_settled_alike(limbs: int) -> None:
         axis=1,
     )
     genomes, commands = Genomes(trees, values), rng.uniform(-1.2, 1.2, (4, limbs))
-    mind = Mind(prior)
+    mind = Foresight(prior)
     ups = mind.feel(genomes, commands)
     assert mind.evaluations == 6
     for tree, angles, offsets, stretches, up in zip(
@@ -169,7 +169,7 @@ def test_a_lost_limb_and_a_locked_joint() -> None:
     both = Genomes(np.array([[0, 1], [0, 1]]), np.zeros((2, 6)))
     both.values[0, 5] = -np.inf  # limb b is gone
     both.values[1, 3] = 0.4  # joint b is stuck
-    ups: Vector = Mind(prior).feel(both, commands, np.array([[1.0, 1.0], [1.0, 0.0]]))
+    ups: Vector = Foresight(prior).feel(both, commands, np.array([[1.0, 1.0], [1.0, 0.0]]))
     one = Morphology(
         name="one", parts={"main": MAIN, "limb": LIMB}, joints={"j": Joint(parent="main", child="limb")}
     )

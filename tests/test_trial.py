@@ -17,6 +17,7 @@ from testbed.experiment.record import Row, TrialResult
 from testbed.experiment.trial import live, run_trial, student_of
 from testbed.experiment.trial_report import match
 from testbed.scenario import Scenario
+from testbed.scenario_student import RealityGap
 from testbed.student.agent import Student
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
@@ -131,12 +132,15 @@ class Recorder:
         return action
 
 
-def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) -> None:
+@pytest.mark.parametrize("method", ["paper", "like_me"])
+def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario, method: str) -> None:
     """The same stream of observations without any world behind it: the same life, bit for bit.
 
-    The second student is even made from another world, with the other body, slippery ground and half the gravity,
-    which must make no difference either: all that it may know beforehand is the same in both.
+    The second student is even made from another world, with the other body, a reality gap, slippery ground and half the
+    gravity, which must make no difference either: all that it may know beforehand is the same in both.
     """
+    mind = hasty.student.model_copy(update={"method": method, "name": method})
+    hasty = hasty.model_copy(update={"student": mind})
     backend = SimulatedBackend(hasty)
     world = World(hasty, backend=backend)
     seeds = np.random.SeedSequence(7)
@@ -145,16 +149,18 @@ def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario) ->
     world.close()
 
     elsewhere = hasty.world.model_copy(update={"ground_friction": 0.3, "gravity": 4.9, "tilt_noise_deg": 9.0})
-    splayed = hasty.student.model_copy(update={"robot": "splayed"})
+    gap = RealityGap(servo_offset_deg=(5.0, -5.0), limb_length=(0.8, 1.3))
+    splayed = hasty.student.model_copy(update={"robot": "splayed", "reality_gap": gap})
     other = hasty.model_copy(update={"world": elsewhere, "student": splayed})
     blind = student_of(other, np.random.SeedSequence(7))
     assert [blind.act(sensed).tobytes() for sensed in recorder.sensed] == recorder.done_actions
     ours, theirs = recorder.student.life, blind.life
     assert ours is not None
     assert theirs is not None
-    assert np.array_equal(ours.selves["paper"].genomes, theirs.selves["paper"].genomes)
+    assert ours.selves[method].body == theirs.selves[method].body
+    assert np.array_equal(ours.selves[method].errors, theirs.selves[method].errors)
     for candidate, another in zip(ours.candidates, theirs.candidates, strict=True):
-        one, other = candidate.judgements["paper"], another.judgements["paper"]
+        one, other = candidate.judgements[method], another.judgements[method]
         assert one.verdict == other.verdict
         assert np.array_equal(one.model.motion.parts, other.model.motion.parts)
         assert np.array_equal(one.imitation.weights, other.imitation.weights)

@@ -58,6 +58,7 @@ OF_A_FOUND_TEACHER = (
     "motion_roll_error_median_deg",
     "motion_roll_error_worst_deg",
     "parts_in_place",
+    "imitated_roll_error_median_deg",
     "explained",
     "best_other",
     "explained_by_other",
@@ -103,7 +104,7 @@ def candidate_arrays(
         arrays["controller_objective"] = _controller_objective(judgement, body, true_parts)
     else:
         kept = _kept(judgement.model)
-        arrays |= _motion_arrays(judgement.model, true_parts)
+        arrays |= _motion_arrays(judgement, body, true_parts)
         if isinstance(judgement.model, Embodiment):
             arrays |= _explanations(judgement.model, kept)
     arrays["look_steps"] = steps[kept]
@@ -139,6 +140,8 @@ def candidate_row(judgement: Judgement, arrays: Arrays) -> Row:
             row["motion_roll_error_median_deg"] = float(np.degrees(np.median(errors)))
             row["motion_roll_error_worst_deg"] = float(np.degrees(errors.max()))
             row["parts_in_place"] = bool(np.all(errors < IN_PLACE))
+            imitated = float(np.median(arrays["imitated_roll_error"]))
+            row["imitated_roll_error_median_deg"] = math.degrees(imitated)
     return row
 
 
@@ -165,11 +168,16 @@ def _paper_arrays(model: TeacherRecord, true_parts: Vector, rig: StereoRig) -> A
     }
 
 
+def _in_motor_order(true_parts: Vector, body: Morphology) -> Vector:
+    """The true parts (F, n, 8), main body and limbs in motor order: as the student's own parts are."""
+    names = list(body.parts)
+    order = [names.index(body.root), *(names.index(joint.child) for joint in body.joints.values())]
+    return true_parts[:, order]
+
+
 def _controller_objective(judgement: Judgement, body: Morphology, true_parts: Vector) -> Vector:
     imitation = judgement.imitation
-    names = list(body.parts)
-    in_motor_order = [names.index(body.root), *(names.index(j.child) for j in body.joints.values())]
-    true_rolls = true_parts[..., OMEGA][:, in_motor_order]
+    true_rolls = _in_motor_order(true_parts, body)[..., OMEGA]
     if true_rolls.shape[1] != imitation.teacher_rolls.shape[1]:
         return np.full(len(imitation.errors), np.nan)  # other parts than the student's: nothing to compare
     objective = np.empty(len(imitation.errors))
@@ -187,13 +195,19 @@ def _kept(model: Modelled) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, len(times) - 1, KEPT_IMAGES).round().astype(int))
 
 
-def _motion_arrays(model: Modelled, true_parts: Vector) -> Arrays:
+def _motion_arrays(judgement: Judgement, body: Morphology, true_parts: Vector) -> Arrays:
+    model = judgement.model
     position, roll = motion_errors(model.motion.parts, true_parts)
+    imitated = np.full_like(roll, math.nan)
+    if roll.shape[1] == true_parts.shape[1]:
+        seen = model.motion.parts[:, judgement.imitation.order, OMEGA]
+        imitated = np.abs(read_rolls(seen - _in_motor_order(true_parts, body)[..., OMEGA], "half_turn"))
     return {
         "motion_times": model.motion.times,
         "motion_parts": model.motion.parts,
         "motion_position_error": position,
         "motion_roll_error": roll,
+        "imitated_roll_error": imitated,
     }
 
 

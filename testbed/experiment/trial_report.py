@@ -50,6 +50,8 @@ one that models a whole motion
 ``T/motion_parts``             (F, k, 8)       the objects in every frame, Eq. 2
 ``T/motion_position_error``    (F,)            m, objective
 ``T/motion_roll_error``        (F, k)          rad, objective, of each object; NaN where the teacher has other parts
+``T/imitated_roll_error``      (F, k)          the same with objects assigned to parts as imitation did, not as the
+                                               truth does
 ``T/explanation_parts_<j>``    (8, m, 8)       ``embodied``: the parts in the kept images by its own body (j = 0) and
                                                by the best other body (j = 1)
 ``T/explained``                (2,)            how much of what it saw each of the two explains, at most 1

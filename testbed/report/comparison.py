@@ -32,11 +32,31 @@ def student_table(run: RunRecord, cell: str) -> str:
     summaries = summaries_of(run, cell)
     shown = [name for name in run.students if name in summaries]
     kept = [entry for entry in _MEASURES if any(summaries[name].get(entry[1]) is not None for name in shown)]
-    body = [
-        [html.text(name), str(summaries[name]["n"]), *(_measured(summaries[name], *entry) for entry in kept)]
-        for name in shown
+    body = []
+    for name in shown:
+        own = [row for row in run.verdicts(cell=cell, student=name) if row["truth"] == "appropriate"]
+        line = [html.text(name), str(summaries[name]["n"])]
+        line += [_measured(summaries[name], *entry) for entry in kept]
+        body.append([*line, *_seen(own)])
+    titles = ["student", "verdicts", *(title for title, _, _ in kept), _FOUND, _IN_PLACE, _ROLLS]
+    return html.table(titles, body, css="figures")
+
+
+def _seen(rows: Sequence[Row]) -> list[str]:
+    """Of teachers like the student: how many were found, all parts right in all frames, the error of their rolls."""
+    errors = [float(row["imitated_roll_error_median_deg"]) for row in rows
+              if row.get("imitated_roll_error_median_deg") is not None]  # fmt: skip
+    placed = [bool(row["parts_in_place"]) for row in rows if row.get("parts_in_place") is not None]
+    return [
+        share([bool(row["found"]) for row in rows]),
+        share(placed) if placed else "",
+        f"{np.median(errors):.2f}°<br><small>median of {len(errors)}</small>" if errors else "",
     ]
-    return html.table(["student", "verdicts", *(title for title, _, _ in kept)], body, css="figures")
+
+
+_FOUND = "found, of those like it"
+_IN_PLACE = "all its parts within 15° in all frames"
+_ROLLS = "roll error as imitated"
 
 
 def cell_table(run: RunRecord, student: str) -> str:

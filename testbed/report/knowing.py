@@ -170,7 +170,11 @@ def _noticed(rows: Sequence[Row]) -> str:
 
 
 def _named(rows: Sequence[Row]) -> str:
-    return share([row.get("damage_named") == row["damage"] for row in _damaged(rows)])
+    return share([bool(row.get("damage_named_right")) for row in _damaged(rows)])
+
+
+def _alarmed(rows: Sequence[Row]) -> str:
+    return share([bool(row.get("damage_found")) for row in rows if not row.get("damage")])
 
 
 def _within(after: Any) -> bool:
@@ -183,6 +187,7 @@ _COLUMNS: tuple[tuple[str, str, Values], ...] = (
     ("angle error: median, 95%", "angle_error_deg", _angles),
     ("posterior holds the truth", "posterior_holds_truth", _flags("posterior_holds_truth")),
     (f"damage noticed within {SOON} commands", "damage", _noticed),
-    ("damage named rightly", "damage_named", _named),
+    ("right limb named", "damage_named_right", _named),
+    ("false alarms", "damage_found", _alarmed),
     ("commands, evaluations", "commands", _spent),
 )

@@ -196,6 +196,7 @@ def try_out(
             told,
             control_step=senses.control_step,
             explained=getattr(model, "explained", 1.0),
+            main_known=not isinstance(model, TeacherRecord),
         )
 
 
@@ -267,7 +268,7 @@ VERDICT: dict[str, Any] = {
 
 SECTIONS = {
     ("self_discovery", "hill_climber"): ("self_discovery", "imagination"),
-    ("self_discovery", "active"): ("active_discovery",),
+    ("self_discovery", "active"): ("active_discovery", "self_discovery"),
     ("teacher_modelling", "eea"): ("teacher_modelling",),
     ("teacher_modelling", "joint_fit"): ("joint_fit",),
     ("teacher_modelling", "embodied"): ("embodied",),

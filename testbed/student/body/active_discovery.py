@@ -20,7 +20,7 @@ import numpy as np
 
 from testbed.morphology import Vector
 from testbed.student.body.commands import worth_of
-from testbed.student.body.genomes import Genomes, Mind
+from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, Fit, judge_bodies
 from testbed.student.body.population import spread_evenly, survivors, tempered
 from testbed.student.body.posterior import FoldClass, History, SelfKnowledge, fold_classes
@@ -44,7 +44,7 @@ class ActiveDiscovery:
         self, prior: BodyPrior, parameters: ActiveDiscoveryParameters, rng: np.random.Generator
     ) -> None:
         self._prior, self._parameters, self._rng = prior, parameters, rng
-        self.mind = Mind(prior)
+        self.mind = Foresight(prior)
         limbs = len(prior.motors)
         self._felt = Felt(np.empty((0, limbs)), np.empty((0, 2)))
         self._proposals = Proposals(

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 from testbed.morphology import Vector
 from testbed.student.body.commands import worth_of
 from testbed.student.body.damage_report import DamageKind, DamageReport, carried_by, damage_in_words, damaged
-from testbed.student.body.genomes import Genomes, Mind
+from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.self_model import hinge_name
 from testbed.student.body.settling import up_of_tilt
@@ -75,7 +75,7 @@ class SelfCheck:
         self, knowledge: SelfKnowledge, parameters: DamageParameters, rng: np.random.Generator
     ) -> None:
         self._knowledge, self._parameters, self._rng = knowledge, parameters, rng
-        self.mind = Mind(knowledge.prior)
+        self.mind = Foresight(knowledge.prior)
         low, high = knowledge.prior.limits.T
         limbs = len(low)
         self.hypotheses = [Hypothesis("none")]
@@ -136,7 +136,7 @@ class SelfCheck:
         share = 1 - surprise.broken if intact else surprise.probability
         words = damage_in_words(knowledge.parents, kind, limb, angle, share, self._noticed)
         return DamageReport(
-            noticed_after=self._noticed,
+            noticed_after=None if intact else self._noticed,
             kind=kind,
             limb=None if intact else limb,
             joint=None if intact else hinge_name(limb),

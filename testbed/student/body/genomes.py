@@ -76,7 +76,7 @@ class Genomes:
         )
 
 
-class Mind:
+class Foresight:
     """Imagines how bodies made of the student's parts would tilt, and counts how often it did.
 
     Args:

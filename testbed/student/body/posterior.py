@@ -15,6 +15,7 @@ import numpy as np
 from testbed.morphology import Morphology, Vector
 from testbed.student.body.genomes import Genomes, body_of
 from testbed.student.body.self_model import BodyPrior, Tree, limb_name
+from testbed.student.body.settling import Settler, up_of_tilt
 from testbed.student.parameters import PlausibilityParameters
 
 _FACES = {0: "front", 90: "left", 180: "rear", 270: "right"}
@@ -74,7 +75,6 @@ class SelfKnowledge:
         history: One entry a command.
         evaluations: Self-models imagined in all.
         beliefs: What was held plausible.
-        simplified: Whether ``angles`` are the simplest of those that are plausible, see :meth:`simplest`.
     """
 
     prior: BodyPrior
@@ -92,7 +92,6 @@ class SelfKnowledge:
     history: tuple[History, ...]
     evaluations: int
     beliefs: PlausibilityParameters
-    simplified: bool = False
 
     @property
     def body(self) -> Morphology:
@@ -101,15 +100,16 @@ class SelfKnowledge:
 
     @property
     def stages(self) -> tuple[tuple[Tree, Vector], ...]:
-        """The most plausible topology and mounting angles (n,) rad after each command, the simplest one at the end."""
-        found = tuple((entry.parents, entry.angles) for entry in self.history)
-        return (*found, (self.parents, self.angles)) if self.simplified else found
+        """The best topology and mounting angles (n,) rad of the search after each command, and what it came to."""
+        return (*((entry.parents, entry.angles) for entry in self.history), (self.parents, self.angles))
 
     @property
     def errors(self) -> Vector:
-        """(m,) the error of each, rad; see :class:`History`."""
-        errors = [entry.error for entry in self.history]
-        return np.array([*errors, errors[-1]] if self.simplified else errors)
+        """The error of each, rad: root mean square angle between imagined and felt gravity; see :class:`History`."""
+        imagined = up_of_tilt(Settler(self.body).tilt(self.commands + self.offsets))
+        felt = up_of_tilt(self.tilt)
+        apart = np.arccos(np.clip(np.sum(imagined * felt, axis=-1), -1, 1))
+        return np.array([*(entry.error for entry in self.history), float(np.sqrt(np.mean(apart**2)))])
 
     @property
     def trees(self) -> dict[Tree, float]:
@@ -149,15 +149,17 @@ class SelfKnowledge:
 
         Near the face normal of the main body tilt says nothing about an angle (the mirror fold), and the best of many
         equally plausible angles is an accident of noise. Whatever whole multiple of ``grid`` (rad) lies in the credible
-        set is taken instead, angle by angle.
+        set is taken instead, angle by angle. It is a prior, and it suits bodies that people build; 0 leaves it out.
         """
         angles = self.angles.copy()
+        if not grid:
+            return self
         for limb, angle in enumerate(self.angles):
             rounded = angles.copy()
             rounded[limb] = round(float(angle) / grid) * grid
             if self.holds(self.parents, rounded):
                 angles = rounded
-        return replace(self, angles=angles, simplified=bool(np.any(angles != self.angles)))
+        return replace(self, angles=angles)
 
     def words(self) -> list[str]:
         """What is known and what is not, in plain words."""

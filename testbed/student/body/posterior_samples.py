@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from testbed.morphology import Vector
-from testbed.student.body.genomes import Genomes, Mind
+from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, judge_bodies
 from testbed.student.parameters import PlausibilityParameters
 
@@ -14,7 +14,7 @@ from testbed.student.parameters import PlausibilityParameters
 def sample_posterior(
     modes: Genomes,
     covariances: Vector,
-    mind: Mind,
+    mind: Foresight,
     felt: Felt,
     beliefs: PlausibilityParameters,
     count: int,

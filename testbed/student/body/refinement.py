@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from testbed.morphology import Vector
-from testbed.student.body.genomes import Genomes, Mind
+from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, judge_bodies
 from testbed.student.parameters import PlausibilityParameters
 
@@ -30,7 +30,7 @@ class Refinement:
         beliefs: What is plausible.
     """
 
-    def __init__(self, mind: Mind, beliefs: PlausibilityParameters) -> None:
+    def __init__(self, mind: Foresight, beliefs: PlausibilityParameters) -> None:
         self._mind, self._beliefs = mind, beliefs
         self._damping: dict[bytes, float] = {}
         self._arrived: dict[bytes, int] = {}

@@ -1,13 +1,14 @@
 """Phase four of ``like_me``, the verdict with a probability and a reason (extensions of Section 3.4).
 
 Whatever a rule measures becomes evidence, a number for or against, and the evidence a probability by a logistic curve
-that was fitted to development teachers. At a probability of one half the answer changes.
+that was set by development teachers. At a probability of one half the answer changes.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import expit
@@ -21,6 +22,7 @@ from testbed.student.parameters import Calibration, LikenessParameters
 from testbed.student.seeing.embodied import Embodiment
 from testbed.vision.primitives import CUBOID, D1, D2, OMEGA, SHAPE, SPHERE, X, Y
 
+_MOST_ORDERED = 5  # of more parts than this the modeller's own order counts: 8 limbs have 40 320
 _LEAST = 1e-3  # what is left unexplained, or apart, cannot be told from less
 
 
@@ -35,16 +37,18 @@ def by_fit(record: RehearsalRecord, parameters: LikenessParameters) -> Verdict:
 
 def by_likelihood(seen: Embodiment, parameters: LikenessParameters) -> Verdict:
     """Does the own body explain what was seen better than the bodies that it could have had?"""
-    evidence = np.array([math.asinh(seen.log_ratio / 10), -math.log(max(1 - seen.own.explained, _LEAST))])
+    evidence = np.array([math.asinh(seen.log_ratio / 10)])
     shares = (
         f"my own body explains {seen.own.explained:.1%} of what I saw, the best other body "
         f"{seen.best_other.explained:.1%}"
     )
     verdict = decided(evidence, parameters.likelihood, shares)
-    if verdict.answer == "appropriate":
-        return verdict
-    other = seen.best_other.words if seen.log_ratio < 0 else "it is like no body that I know"
-    return Verdict(verdict.answer, verdict.score, verdict.probability, f"{other}: {shares}")
+    reason = shares
+    if verdict.answer == "inappropriate":
+        reason = f"{seen.best_other.words}: {shares}"
+    elif seen.log_ratio < 0:
+        reason = f"{shares}, too little more to speak against me"
+    return replace(verdict, reason=reason)
 
 
 def by_attachment(
@@ -96,7 +100,8 @@ def hinges(motion: TeacherMotion, body: Morphology) -> tuple[Vector, Vector]:
     ends = np.stack([_end(motion.parts, sign) for sign in (1.0, -1.0)])  # (2, F, k, 2)
     size = float(np.mean([_length(motion.parts[:, part]).mean() for part in range(1, count)]))
     best: tuple[float, Vector, tuple[int, ...]] | None = None
-    for limbs in itertools.permutations(range(1, count)):
+    orders = itertools.permutations(range(1, count)) if count <= _MOST_ORDERED else [tuple(range(1, count))]
+    for limbs in orders:
         objects = (0, *limbs)
         for points in itertools.product((0, 1), repeat=count):
             apart = []

@@ -42,7 +42,12 @@ class Reading:
 
 
 def readings(
-    body: Morphology, motion: TeacherMotion, rhythm: Harmonics, poses: int, bounds: tuple[float, float]
+    body: Morphology,
+    motion: TeacherMotion,
+    rhythm: Harmonics,
+    poses: int,
+    bounds: tuple[float, float],
+    main_known: bool = True,
 ) -> list[Reading]:
     """Every plausible reading, the nearest first.
 
@@ -56,6 +61,7 @@ def readings(
         rhythm: Of the rolls seen.
         poses: At how many moments positions are compared.
         bounds: Between which factors the self-model's limbs take the teacher's proportions.
+        main_known: Whether the first object is known to be the main body.
     """
     moments = np.linspace(0, len(motion.times) - 1, min(poses, len(motion.times))).astype(int)
     seen = rhythm.at(motion.times[moments])
@@ -63,7 +69,7 @@ def readings(
     for mirrored, sign in ((False, 1.0), (True, -1.0)):
         turned = sign * seen + (math.pi if mirrored else 0.0)
         places = motion.parts[:, :, [X, Y]][moments] * (sign, 1.0)
-        for order in correspondences(body, places):
+        for order in correspondences(body, places, main_known):
             rolls = on_branch(body, turned, order)
             upright = abs(float(rolls[:, order[0]].mean()) - root_roll(body)) <= math.pi / 2
             likened = proportioned(body, motion.parts[:, order], bounds)
@@ -100,12 +106,15 @@ def length_ratios(body: Morphology, parts: Vector) -> Vector:
     return np.array(ratios)
 
 
-def correspondences(body: Morphology, places: Vector) -> list[NDArray[np.int64]]:
-    """Section 3.4.2: assignments of objects at places (poses, k, 2) to the student's parts; the main body is known.
+def correspondences(body: Morphology, places: Vector, main_known: bool = True) -> list[NDArray[np.int64]]:
+    """Section 3.4.2: assignments of objects at places (poses, k, 2) to the student's parts.
 
-    Every one for up to four limbs; for more of them only the nearest by normalised positions to the flat body.
+    Every one for up to four limbs; for more of them only the nearest by normalised positions to the flat body. With
+    ``main_known`` the first object is the main body; otherwise any may be, as in the paper.
     """
     count = places.shape[1]
+    if not main_known and count <= _MOST_LIMBS:
+        return [np.array(order, dtype=np.int64) for order in itertools.permutations(range(count))]
     if count <= _MOST_LIMBS + 1:
         return [np.array((0, *rest), dtype=np.int64) for rest in itertools.permutations(range(1, count))]
     gaps = normalised(view_of(body)[1])[1:, None] - normalised(np.median(places, axis=0))[None, 1:]

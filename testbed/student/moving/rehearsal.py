@@ -115,18 +115,20 @@ def rehearse(
     *,
     control_step: float = 1 / 60,
     explained: float = 1.0,
+    main_known: bool = True,
 ) -> RehearsalRecord:
     """Find the controller that lets the self-model move most like the teacher, and say how much like it that is.
 
     Args:
         body: The student's self-model.
-        motion: How the teacher's parts moved; as many as the student has, the main body first.
+        motion: How the teacher's parts moved; as many as the student has.
         mind: The physical imagination in which the final controller is tried; None to leave that out.
         parameters: What the paper leaves open.
         rng: Source of chance.
         progress: Called with (done, total).
         control_step: Seconds between two motor commands in the imagination.
         explained: Share of what was seen that the teacher model accounts for, if that is known.
+        main_known: Whether the first object is the main body; otherwise any may be.
 
     Raises:
         ValueError: If the teacher model has another number of parts than the student.
@@ -135,7 +137,7 @@ def rehearse(
         raise ValueError(f"a body of {len(body.parts)} parts cannot imitate {motion.parts.shape[1]} objects")
     rhythm = fit_harmonics(motion.times, unwrapped(motion.parts[:, :, OMEGA]), parameters.harmonics)
     times = np.linspace(motion.times[0], motion.times[-1], parameters.samples)
-    found = readings(body, motion, rhythm, parameters.poses, parameters.proportions)
+    found = readings(body, motion, rhythm, parameters.poses, parameters.proportions, main_known)
     trials = [_Trial(reading, times) for reading in found[: parameters.readings]]
     closed = [trial.start() for trial in trials]
     lefts = [trial.residual(start) for trial, start in zip(trials, closed, strict=True)]

@@ -94,7 +94,7 @@ class StudentParameters(Frozen):
             "self_discovery": {"commands": 3, "iterations": 4, "settle_time": 0.5},
             "teacher_modelling": {"passes_per_image": 30},
             "imitation": {"iterations": 6, "samples": 2},
-            "active_discovery": {"commands": 4, "evaluations": 200, "settle_time": 0.5},
+            "active_discovery": {"commands": 4, "evaluations": 200},
             "self_check": {"checks": 1},
             "watching": {"duration": 1.0, "rate": 8.0},
             "rehearsal": {"samples": 12, "restarts": 2, "climbing": 4},

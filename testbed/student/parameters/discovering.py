@@ -59,9 +59,6 @@ class ActiveDiscoveryParameters(Frozen):
         description="Self-models imagined in all, however many commands each: choosing commands, search, posterior. "
         "Spread evenly over the commands.",
     )
-    settle_time: float = Field(
-        1.5, gt=0, le=60, description="Seconds from a command to its reading, as the student 'paper' waits."
-    )
     outward: bool = Field(
         True,
         description="Motors are numbered from the main body outward: a limb hangs on the main body or on a limb before "
@@ -99,10 +96,11 @@ class ActiveDiscoveryParameters(Frozen):
     )
     simplest_deg: float = Field(
         90.0,
-        gt=0,
+        ge=0,
         le=360,
-        description="Among angles that are as plausible as one another a multiple of this is preferred: builders like "
-        "right angles, and the paper's own student (0, 0) sits in the fold where tilt says nothing.",
+        description="A prior: among angles that are as plausible as one another a multiple of this is preferred, for "
+        "builders like right angles; 0 leaves it out. The paper's own student (0, 0) sits in the fold where tilt says "
+        "nothing, and without this prior its angles stay unknown within some 20 deg.",
     )
     final_share: float = Field(
         0.15, ge=0, lt=1, description="Evaluations that are kept for the posterior at the end."

@@ -31,9 +31,8 @@ class LikenessParameters(Frozen):
         "regression (AUC 1 there).",
     )
     likelihood: Calibration = Field(
-        Calibration(bias=3.3, weights=(3.0, 0.0)),
+        Calibration(bias=3.3, weights=(3.0,)),
         description="Evidence: asinh(r / 10) of the logarithm r of how much more probable the own body is than the "
-        "best other; minus the logarithm of the share that the own body leaves unexplained, which adds nothing. "
-        "Measured on the same 120 verdicts: r is at least -7 for teachers like the student, for a box that is far away "
-        "looks thin, and at most -22 for others. These two get a probability of .8 and of .2.",
+        "best other. Measured on the same 120 verdicts: r is at least -7 for teachers like the student, for a box that "
+        "is far away looks thin, and at most -22 for others. These two get a probability of .8 and of .2.",
     )

@@ -34,8 +34,9 @@ class SelfDiscoveryParameters(Frozen):
         1.5,
         gt=0,
         le=60,
-        description="Seconds from a command to the reading of the tilt, and from lying flat to the next command; "
-        "open in the paper. A servo takes 0.3 s for 90 deg, a body that topples about 0.7 s to lie still.",
+        description="Seconds from a command to the reading of the tilt, and from lying flat to the next command, by "
+        "whatever method; open in the paper. A servo takes 0.3 s for 90 deg, a body that topples about 0.7 s to lie "
+        "still.",
     )
     rest_speed: float = Field(
         0.02,
