@@ -16,8 +16,9 @@ class TrialResult:
     """One trial.
 
     Attributes:
-        rows: One a teacher: names, truth, verdict, score, and the phases' errors.
-        arrays: Histories by name; see :mod:`testbed.experiment.trial` for shapes and units.
+        rows: Of kind "verdict", one a mind and teacher: names, truth, verdict, score, and the phases' errors; and of
+            kind "self", one a mind: what it came to believe of its body.
+        arrays: Histories by name; see :mod:`testbed.experiment.trial_report` for shapes and units.
     """
 
     rows: tuple[Row, ...]

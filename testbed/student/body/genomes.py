@@ -96,7 +96,7 @@ class Foresight:
             np.array([part.mass for part in (prior.main, *prior.limbs)]),
             speeds / speeds.max(initial=1e-9),
         )
-        self.evaluations = self.settles = 0
+        self.evaluations = 0
 
     def feel(self, genomes: Genomes, commands: Vector, gains: Vector | None = None) -> Vector:
         """The world's up direction in the root's frame, (bodies, commands, 3), settled from flat.
@@ -135,7 +135,6 @@ class Foresight:
             haste,
         )
         self.evaluations += len(genomes)
-        self.settles += len(genomes) * len(commands)
         return ups, haste
 
 

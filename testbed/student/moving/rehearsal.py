@@ -61,8 +61,6 @@ class RehearsalRecord:
         misplaced: How far its parts are from where the student's would be, see ``readings.misplacement``.
         r2: Share of the motion that the controller reproduces beyond the best static posture, at most 1.
         joint_r2: (joints,) the same of the angle at each joint; one that stands still has about 0.
-        root_r2: The same of the main body's roll alone.
-        static_error: Eq. 5 of the best static posture, rad.
         imagined_error: Eq. 5 per sample and part of the final controller in the physical imagination, rms rad; nan
             if it was not tried there.
         performed: (joints, k) the network that moves the student: the final one, until it has practised.
@@ -83,8 +81,6 @@ class RehearsalRecord:
     misplaced: float
     r2: float
     joint_r2: Vector
-    root_r2: float
-    static_error: float
     imagined_error: float
     performed: Vector
     lag: float
@@ -266,8 +262,6 @@ def _record(
         misplaced=trial.reading.misplaced,
         r2=r2,
         joint_r2=np.array(joint_r2),
-        root_r2=share(response[:, 0], wanted[:, 0]),
-        static_error=math.sqrt(static),
         imagined_error=imagined,
         performed=history.weights[-1].reshape(trial.shape),
         lag=0.0,

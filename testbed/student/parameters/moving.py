@@ -52,12 +52,6 @@ class HarmonicsParameters(Frozen):
         description="s; width of the kernel that smooths a motion without a rhythm: two frames.",
     )
 
-    @model_validator(mode="after")
-    def _ordered(self) -> HarmonicsParameters:
-        if self.longest_share > 1:
-            raise ValueError("longest_share must be at most 1")
-        return self
-
 
 class RehearsalParameters(Frozen):
     """Section 3.4 and its extension: how the controller is searched and judged."""

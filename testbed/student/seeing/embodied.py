@@ -81,7 +81,6 @@ def embodied(
     rig: StereoRig,
     body: Morphology,
     parameters: EmbodiedParameters | None = None,
-    rng: np.random.Generator | None = None,
     progress: Progress | None = None,
 ) -> Embodiment:
     """Lay the own body and bodies one edit away into what was watched.
@@ -91,7 +90,6 @@ def embodied(
         rig: The eyes that saw them.
         body: The own body, as the student believes it to be.
         parameters: See :class:`EmbodiedParameters`.
-        rng: Not used: the search is exhaustive on grids; part of the common signature of teacher modelling.
         progress: Called with the share that is done, 0 to 1.
 
     Returns:

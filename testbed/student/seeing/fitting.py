@@ -41,11 +41,6 @@ class Film:
     area: float
 
     @property
-    def empty(self) -> bool:
-        """Nothing was seen."""
-        return self.area <= 0.0
-
-    @property
     def pixel(self) -> float:
         """Size of a pixel at the candidate's depth, m."""
         return self.depth / float(self.eyes.camera[0])

@@ -53,7 +53,6 @@ def joint_fit(
     rig: StereoRig,
     parts: tuple[Part, ...],
     parameters: JointFitParameters | None = None,
-    rng: np.random.Generator | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> JointFit:
     """Lay free parts into what was watched.
@@ -63,7 +62,6 @@ def joint_fit(
         rig: The eyes that saw them.
         parts: The student's own parts, main body first; sizes are open by a common factor, limbs in length too.
         parameters: See :class:`JointFitParameters`.
-        rng: Not used: the search is exhaustive on grids; part of the common signature of teacher modelling.
         progress: Called with the share that is done, 0 to 1.
 
     Returns:
