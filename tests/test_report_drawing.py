@@ -150,3 +150,4 @@ def test_the_threshold_lies_between_the_verdicts() -> None:
     )
     assert threshold([row(0.7, "inappropriate"), row(0.6, "appropriate")]) is None
     assert threshold([row(0.7, "appropriate")]) is None
+    assert threshold([{**row(0.7, "appropriate"), "probability": 0.7}]) == (0.0, 0.0)

@@ -143,7 +143,12 @@ def _image_pairs(trials: Sequence[Trial]) -> int:
 
 
 def threshold(rows: Sequence[Row]) -> tuple[float, float] | None:
-    """Between which two scores the verdict changes; None where all verdicts agree or do not follow the scores."""
+    """Between which two scores the verdict changes; None where all verdicts agree or do not follow the scores.
+
+    A score with a probability changes its verdict at zero, where that is one half.
+    """
+    if rows and all(row.get("probability") is not None for row in rows):
+        return 0.0, 0.0
     yes = [float(row["score"]) for row in rows if row["verdict"] == "appropriate"]
     no = [float(row["score"]) for row in rows if row["verdict"] == "inappropriate"]
     return (max(no), min(yes)) if yes and no and max(no) <= min(yes) else None
