@@ -148,7 +148,7 @@ def _angles(rows: Sequence[Row]) -> str:
     if not errors:
         return html.number(None)
     median, high = np.quantile(errors, [0.5, 0.95])
-    return f"{median:.2g}°, {high:.2g}°<br><small>N = {len(errors)}</small>"
+    return f"{median:.1f}°, {high:.1f}°<br><small>N = {len(errors)}</small>"
 
 
 def _spent(rows: Sequence[Row]) -> str:

@@ -71,7 +71,7 @@ def _explained(row: Row) -> str:
     median, worst = row.get("motion_roll_error_median_deg"), row.get("motion_roll_error_worst_deg")
     if median is None or worst is None:
         return "It has other parts than the student, so their rolls cannot be compared."
-    return f"Rolls are off by {median:.2g}° (median) and {worst:.2g}° (worst) from the true ones."
+    return f"Rolls are off by {median:.1f}° (median) and {worst:.1f}° (worst) from the true ones."
 
 
 def _controlled(row: Row) -> str:
