@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -16,7 +16,7 @@ from testbed.vision.kernel import render
 from testbed.vision.silhouette import coverage, darkness
 
 RIG = StereoRig()
-FINE = 8
+FINE = 16
 
 
 def supersampled(parts: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -47,10 +47,11 @@ def row(
 
 @settings(max_examples=40, deadline=None)
 @given(part)
+@example((0, 0.0, 0.15, 1.474609375, 0.0, 0.140625, 0.078125, 0.0231))
 def test_one_part_covers_what_rays_meet(numbers: tuple[float, ...]) -> None:
     model = row(int(numbers[0]), *numbers[1:])
     ours, theirs = coverage(model, RIG), supersampled(model)
-    # Edges that lie along rows of rays are off by up to one row of eight; polygons cut round caps a little.
+    # Edges that lie along rows of rays are off by up to one row of sixteen; polygons cut round caps a little.
     inner = np.s_[:, 1:-1, 1:-1]
     assert np.abs(ours - theirs)[inner].max() < 0.2
     assert ours[inner].sum() == pytest.approx(theirs[inner].sum(), rel=0.04, abs=2.0)
