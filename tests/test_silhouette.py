@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -51,10 +51,12 @@ def row(
 def test_one_part_covers_what_rays_meet(numbers: tuple[float, ...]) -> None:
     model = row(int(numbers[0]), *numbers[1:])
     ours, theirs = coverage(model, RIG), supersampled(model)
+    # Where an outline leaves the image its edge is cut roughly, see ``coverage``; whatever shows at the rim is left out.
+    rim = [theirs[:, 0], theirs[:, -1], theirs[:, :, 0], theirs[:, :, -1]]
+    assume(not any(side.any() for side in rim))
     # Edges that lie along rows of rays are off by up to one row of sixteen; polygons cut round caps a little.
-    inner = np.s_[:, 1:-1, 1:-1]
-    assert np.abs(ours - theirs)[inner].max() < 0.2
-    assert ours[inner].sum() == pytest.approx(theirs[inner].sum(), rel=0.04, abs=2.0)
+    assert np.abs(ours - theirs).max() < 0.2
+    assert ours.sum() == pytest.approx(theirs.sum(), rel=0.04, abs=2.0)
 
 
 def test_overlapping_parts_cover_no_more_than_once() -> None:
