@@ -51,7 +51,7 @@ def row(
 def test_one_part_covers_what_rays_meet(numbers: tuple[float, ...]) -> None:
     model = row(int(numbers[0]), *numbers[1:])
     ours, theirs = coverage(model, RIG), supersampled(model)
-    # Where an outline leaves the image its edge is cut roughly, see ``coverage``; whatever shows at the rim is left out.
+    # Where an outline leaves the image its edge is cut roughly, see ``coverage``: what shows at the rim is left out.
     rim = [theirs[:, 0], theirs[:, -1], theirs[:, :, 0], theirs[:, :, -1]]
     assume(not any(side.any() for side in rim))
     # Edges that lie along rows of rays are off by up to one row of sixteen; polygons cut round caps a little.
