@@ -162,7 +162,7 @@ def _edge(
     high: NDArray[np.int64],
 ) -> None:
     """Leave the signed area of one edge in ``area`` (height, width + 2)."""
-    if y0 == y1:
+    if abs(y1 - y0) < 1e-200:  # level, or so flat that its slope overflows
         return
     way = 1.0
     if y0 > y1:
@@ -179,9 +179,23 @@ def _edge(
         dy = min(v + 1.0, y1) - max(float(v), y0)
         beyond = x + slope * dy
         d = dy * way
-        a = min(max(min(x, beyond), 0.0), float(width))
-        b = min(max(max(x, beyond), 0.0), float(width))
+        a = min(x, beyond)
+        b = max(x, beyond)
         x = beyond
+        if a < 0.0 or b > width:
+            # What lies on the left of the image fills the row from its first pixel on, on the right it fills nothing.
+            if b <= 0.0 or a >= width:
+                u = 0 if b <= 0.0 else width
+                area[v, u] += d
+                low[v] = min(low[v], u)
+                high[v] = max(high[v], u)
+                continue
+            share = d / (b - a)
+            if a < 0.0:
+                area[v, 0] -= share * a
+                a = 0.0
+            b = min(b, float(width))
+            d = share * (b - a)
         first = int(a)
         last = math.ceil(b)
         if last <= first + 1:

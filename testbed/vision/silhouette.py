@@ -55,8 +55,8 @@ def coverage(parts: NDArray[np.float64], rig: StereoRig) -> NDArray[np.float64]:
     """How much of each pixel a model covers: (2, height, width) from 0 to 1, left then right.
 
     ``parts`` (k, 8) is a model of Eq. 2 (m, rad, rig frame). Unlike :func:`testbed.vision.kernel.render`, which asks
-    for a pixel's middle, this is the share of the pixel's area. Where an outline leaves the image the last columns are
-    rough, by up to a quarter of a pixel.
+    for a pixel's middle, this is the share of the pixel's area, exact also where an outline leaves
+    the image.
 
     Raises:
         ValueError: If ``parts`` is no model.
