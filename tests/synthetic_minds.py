@@ -89,11 +89,14 @@ def write_minds_run(directory: Path, plan: Plan | None = None) -> Path:
                 prefix = "" if mind is here.minds[0] else f"beside/{mind.name}/"
                 names = {**base, "student": mind.name}
                 own, itself = _itself(mind.phases.self_discovery, student, rng)
-                told = {}
+                told: dict[str, Any] = {}
                 if cell == "damage":
                     named = f"limb_lost limb_{'b' if trial % 5 else 'a'}"
                     told = {"damage": "limb_lost limb_b", "damage_found": named}
                     told |= {"damage_named_right": trial % 5 > 0, "damage_noticed_after": 1.0 + trial % 4}
+                    told |= {"damage_named_right_first": trial % 2 > 0, "alarm_withdrawn": False}
+                    told |= {"left_topology_right": True, "left_angle_error_deg": 1.0 + trial}
+                    told |= {"left_angle_error_deg_first": 4.0 + trial}
                 rows.append({"kind": "self", **names, "robot": student.name, **itself, **told})
                 arrays |= {f"{prefix}{key}": value for key, value in own.items()}
                 for index, spec in enumerate(concrete.teachers):

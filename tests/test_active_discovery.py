@@ -15,11 +15,12 @@ from testbed.morphology import Morphology, Vector
 from testbed.physics import Simulation
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.commands import CommandParameters, worth_of
-from testbed.student.body.genomes import Genomes, Tree, all_trees, body_of, is_tree, random_tree
+from testbed.student.body.genomes import Genomes, all_trees, body_of, is_tree, random_tree
 from testbed.student.body.plausibility import Felt, judge_bodies
 from testbed.student.body.population import survivors, tempered
 from testbed.student.body.posterior import FoldClass, SelfKnowledge, fold_classes
 from testbed.student.body.proposals import Proposals, pointing
+from testbed.student.body.self_model import Tree
 from testbed.student.body.settling import Settler, up_of_tilt
 from testbed.student.parameters import ActiveDiscoveryParameters, PlausibilityParameters
 

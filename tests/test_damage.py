@@ -64,7 +64,7 @@ def test_a_whole_body_raises_no_alarm(known: tuple[SelfKnowledge, Morphology]) -
     assert report.kind == "none"
     assert (report.noticed_after, report.limb, report.joint) == (None, None, None)
     assert report.motors == (0, 1)
-    assert "as I know it" in report.words
+    assert "as I know it" in report.words[0]
 
 
 @pytest.mark.parametrize("limb", [0, 1])
@@ -79,7 +79,7 @@ def test_a_lost_limb_is_noticed_and_named(known: tuple[SelfKnowledge, Morphology
     assert report.kind == "limb_lost"
     assert report.motors == motors
     assert len(report.body.parts) == len(left.parts)
-    assert f"limb_{'ab'[limb]}" in report.words
+    assert f"limb_{'ab'[limb]}" in report.words[0]
 
 
 @pytest.mark.parametrize(("limb", "angle_deg"), [(0, 0.0), (1, 0.0), (0, 40.0), (1, 30.0)])

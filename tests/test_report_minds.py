@@ -25,6 +25,7 @@ from testbed.report.desk import Desk
 from testbed.report.explained import draw_explained, explanations, moments_shown, window
 from testbed.report.failures import MOST, failure_gallery
 from testbed.report.knowing import angle_errors, self_headline
+from testbed.report.mending import damage_figure, damage_table
 from testbed.report.moving import performed_rolls
 from testbed.report.outlines import outline
 from testbed.report.page import write_report
@@ -159,6 +160,24 @@ def test_a_run_without_teachers_is_about_bodies(alone: Path) -> None:
     for hits in (soon, named):
         low, high = wilson(hits, len(damaged))
         assert f"{hits} of {len(damaged)}<br><small>{low:.0%} to {high:.0%}</small>" in text
+
+
+def test_what_became_of_damage_is_told_before_and_after(alone: Path) -> None:
+    text = text_of(alone)
+    rows = [row for row in contents_of(alone)["selves"] if row["cell"] == "damage"]
+    errors = np.array([[row["left_angle_error_deg_first"], row["left_angle_error_deg"]] for row in rows])
+    first, anew = np.median(errors, axis=0)
+    assert f"{first:.1f}° → {anew:.1f}°" in text
+    named = sum(row["damage_named_right_first"] for row in rows)
+    assert f"<td>{named} of {len(rows)}<br>" in text
+    assert "modelled itself anew" in text
+    run = read_run(alone)
+    figure = damage_figure(run)
+    assert figure is not None
+    assert len(figure.axes) == 1  # nothing is known of stuck joints
+    whole = replace(run, selves=tuple(row for row in run.selves if not row["damage"]))
+    assert damage_table(whole) == ""
+    assert damage_figure(whole) is None
 
 
 def test_the_headline_of_one_body_is_a_sentence() -> None:

@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Sphere, Vector, load_robot
-from testbed.physics import tilt_of
+from testbed.physics import Simulation, tilt_of
+from testbed.student.body.commands import CommandParameters
 from testbed.student.body.genomes import Foresight, Genomes, body_of, random_tree
 from testbed.student.body.imagination import Imagination
+from testbed.student.body.plausibility import Felt
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.body.settling import Settler, parents_first, tilt_of_up, up_of_tilt
 from testbed.student.moving.rolls import headings
-from testbed.student.parameters import ImaginationParameters
+from testbed.student.parameters import ImaginationParameters, PlausibilityParameters
 
 MAIN, LIMB = (
     Cuboid(size=(0.14, 0.11, 0.05), friction=0.25),
@@ -178,3 +180,49 @@ def test_a_lost_limb_and_a_locked_joint() -> None:
     stuck[:, 1] = 0.4
     whole = Settler(body_of(prior, (0, 1), np.zeros(2), np.ones(2)))
     assert tilt_of_up(ups[1]) == pytest.approx(whole.tilt(stuck), abs=1e-7)
+
+
+def test_what_lies_well_stays_and_what_does_not_rolls_to_where_it_does() -> None:
+    rng, prior = np.random.default_rng(2), prior_of(3)
+    tree, angles = random_tree(3, rng), rng.uniform(-3, 3, 3)
+    body, commands = Settler(body_of(prior, tree, angles, np.ones(3))), rng.uniform(-1.2, 1.2, (8, 3))
+    resting = up_of_tilt(body.tilt(commands))
+    assert body.stays(commands, resting) == pytest.approx(resting, abs=1e-6)
+    somewhere = rng.normal(size=(8, 3))
+    rolled = body.stays(commands, somewhere / np.linalg.norm(somewhere, axis=1, keepdims=True))
+    assert body.stays(commands, rolled) == pytest.approx(rolled, abs=1e-6)
+    assert np.abs(rolled - resting).max() > 0.1
+    on_its_back = np.tile([0.0, 0.0, -1.0], (8, 1))
+    assert body.stays(0 * commands, on_its_back) == pytest.approx(on_its_back)
+
+    genomes = Genomes(np.array([tree]), np.concatenate([angles, np.zeros(6)])[None])
+    ups, _ = Foresight(prior).foresee(genomes, commands, starts=rolled, there=True)
+    assert ups[0] == pytest.approx(rolled, abs=1e-6)
+    ups, _ = Foresight(prior).foresee(genomes, -commands, starts=on_its_back[0])
+    assert (ups[0, :, 2] < 0).mean() > 0.5
+
+
+def test_a_body_is_recognised_by_how_it_lies_even_if_it_was_thrown_there_or_is_on_its_back() -> None:
+    """Four parts in Bullet, never put down anew: what comes of a swift motion from anywhere."""
+    tree, angles, rng = (0, 1, 0), np.radians([-112.4, -1.9, 57.9]), np.random.default_rng(0)
+    commands = CommandParameters(lift_share=0.6).draw(np.radians([[-90.0, 90.0]] * 3), 12, rng)
+    with Simulation() as simulation:
+        simulation.add("self", body_of(prior_of(3), tree, angles, np.ones(3)))
+        felt = Felt(commands, np.array([_lying_and_moving(simulation, command) for command in commands]))
+    me = Genomes(np.array([tree]), np.concatenate([angles, np.zeros(6)])[None])
+    mind = Foresight(prior_of(3))
+    off = {
+        in_place: np.linalg.norm(
+            mind.relive(me, felt, PlausibilityParameters(in_place=in_place))[0] - felt.up, axis=1
+        )
+        for in_place in (False, True)
+    }
+    assert (off[False] > math.radians(10)).sum() > 3
+    assert off[True].max() < math.radians(1.5)
+
+
+def _lying_and_moving(simulation: Simulation, command: Vector) -> Vector:
+    for target in (0 * command, command):
+        simulation.command("self", target)
+        simulation.step(720)
+    return simulation.tilt("self")

@@ -12,7 +12,7 @@ from testbed.experiment import truth
 from testbed.experiment.record import Row
 from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
-from testbed.student.body.damage_report import DamageReport
+from testbed.student.body.damage_report import DamageKind, DamageReport, carried_by
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.self_discovery import SelfDiscoveryRecord
 from testbed.student.body.self_model import BodyPrior, Tree, joined, true_tree
@@ -80,31 +80,88 @@ def _known(itself: SelfKnowledge, parents: Tree, angles: Vector) -> Row:
     }
 
 
-def damage_row(found: DamageReport | None, scenario: Scenario) -> Row:
+def damage_row(found: DamageReport | None, scenario: Scenario, body: Morphology, joints: Vector) -> Row:
     """What broke, and what the student made of it: empty where nothing broke and nothing was found.
 
-    ``damage`` is the truth and ``damage_found`` the belief, such as ``limb_lost limb_b``; ``damage_named_right``
-    whether the right limb was named.
+    ``damage`` is the truth and ``damage_found`` the belief, such as ``limb_lost limb_b``, with a probability of
+    ``damage_share``; ``damage_named_right`` whether the right limb was named, ``damage_kind_right`` whether it is
+    rightly said to be lost or stuck, which a limb stuck off the ground hardly shows. ``alarm_withdrawn`` says of an
+    alarm whether the student came to think that it was none. What ends in ``_first`` was believed when the damage was
+    noticed, what does not after the student had modelled itself anew: does what is left hang where it says
+    (``left_topology_right``), by how much are its mounting angles wrong (``left_angle_error_deg``, the largest; None
+    where the topology is), are they known (``left_identifiable``), and by how much is the angle wrong at which a joint
+    is stuck (``locked_error_deg``)?
+
+    Args:
+        found: What the student believes.
+        scenario: The trial's own scenario.
+        body: The true body before.
+        joints: (t, n) its true joint angles all through its life, rad.
     """
-    broken = scenario.student.damage
-    limbs = list(scenario.student.body().joints.values())
-    names = list(scenario.student.body().joints)
-    row: Row = {
-        "damage": None,
-        "damage_found": None,
-        "damage_named_right": None,
-        "damage_noticed_after": None,
-    }
-    limb = None
-    if broken is not None and broken.limb_lost is not None:
-        row["damage"] = f"limb_lost {broken.limb_lost}"
-        limb = [joint.child for joint in limbs].index(broken.limb_lost)
-    elif broken is not None and broken.joint_locked is not None:
-        row["damage"] = f"joint_locked {broken.joint_locked}"
-        limb = names.index(broken.joint_locked)
+    row: Row = dict.fromkeys(_OF_DAMAGE)
+    broken, names = _broken(scenario, body)
+    if broken is not None:
+        row["damage"] = f"{broken[0]} {names[broken[1]]}"
+    if found is not None and found.noticed_after is not None:
+        row["alarm_withdrawn"] = found.kind == "none"
     if found is not None and found.limb is not None:
-        row["damage_found"] = f"{found.kind} {limbs[found.limb].child}"
+        row["damage_found"] = f"{found.kind} {names[found.limb]}"
+        row["damage_share"] = found.probability
         row["damage_noticed_after"] = found.noticed_after
-    if found is not None and limb is not None:
-        row["damage_named_right"] = found.limb == limb
+    if found is None or broken is None:
+        return row
+    row["damage_named_right"] = found.limb == broken[1]
+    row["damage_kind_right"] = found.kind == broken[0]
+    if found.noticed_after is not None:
+        row |= _of_what_is_left(found, broken, body, joints)
+        first = _of_what_is_left(found.at_first or found, broken, body, joints)
+        row |= {f"{name}_first": value for name, value in first.items() if f"{name}_first" in row}
+        row["damage_named_right_first"] = (found.at_first or found).limb == broken[1]
+    return row
+
+
+_OF_DAMAGE = (
+    "damage",
+    "damage_found",
+    "damage_share",
+    "damage_named_right",
+    "damage_named_right_first",
+    "damage_kind_right",
+    "damage_noticed_after",
+    "alarm_withdrawn",
+    "left_topology_right",
+    "left_angle_error_deg",
+    "left_angle_error_deg_first",
+    "left_identifiable",
+    "locked_error_deg",
+    "locked_error_deg_first",
+)
+
+
+def _broken(scenario: Scenario, body: Morphology) -> tuple[tuple[DamageKind, int] | None, list[str]]:
+    """What broke and which limb's, and the names of the limbs."""
+    limbs, broken = [joint.child for joint in body.joints.values()], scenario.student.damage
+    if broken is None:
+        return None, limbs
+    if broken.limb_lost is not None:
+        return ("limb_lost", limbs.index(broken.limb_lost)), limbs
+    return ("joint_locked", list(body.joints).index(str(broken.joint_locked))), limbs
+
+
+def _of_what_is_left(
+    found: DamageReport, broken: tuple[DamageKind, int], body: Morphology, joints: Vector
+) -> Row:
+    """How right the student is about the limbs that it still has, and about the angle of a locked joint."""
+    kind, limb = broken
+    parents, angles = true_tree(body)
+    gone = carried_by(parents, limb) if kind == "limb_lost" else []
+    left = [one for one in range(len(parents)) if one not in gone]
+    right = all(found.itself.parents[one] == parents[one] for one in left)
+    row: Row = {"left_topology_right": right}
+    if right and left:
+        gaps = np.abs((found.itself.angles - angles + math.pi) % math.tau - math.pi)
+        row["left_angle_error_deg"] = float(np.degrees(gaps[left].max()))
+        row["left_identifiable"] = all(found.itself.identifiable[one] for one in left)
+    if kind == found.kind == "joint_locked" and found.limb == limb:
+        row["locked_error_deg"] = abs(math.degrees((found.locked_angle or 0.0) - float(joints[-1, limb])))
     return row

@@ -35,6 +35,7 @@ _TEXT = (
     "best_other",
     "damage",
     "damage_found",
+    "verdict_since",
 )
 _WHOLE = ("trial",)
 _FLAGS = (
@@ -45,6 +46,11 @@ _FLAGS = (
     "identifiable",
     "posterior_holds_truth",
     "damage_named_right",
+    "damage_named_right_first",
+    "damage_kind_right",
+    "alarm_withdrawn",
+    "left_topology_right",
+    "left_identifiable",
 )
 
 

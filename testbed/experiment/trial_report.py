@@ -10,6 +10,7 @@ Arrays (T is a teacher such as ``teacher_0``; k parts, F frames, P passes, I ite
 ``self/objective``             (i+1,)          m, see :func:`~testbed.experiment.truth.self_model_error`
 ``self/commands``, ``tilt``    (n, l), (n, 2)  rad, as commanded and as felt
 ``self/words``                 (sentences,)    ``active``: what it knows of its body, and what not
+``self/words_since``           (sentences,)    what it came to think when it checked its body before it moved
 ``self/believed_tilt``         (i+1, n, 2)     rad; hill climber only
 ``self/truth_parents``         (l,)            the true body in the same terms
 ``self/truth_angles``          (l,)
@@ -116,8 +117,10 @@ def report_trial(
         theirs = self_arrays(itself, scenario.student.body(), bodies[STUDENT])
         arrays |= {f"{prefix}self/{key}": value for key, value in theirs.items()}
         damage = life.damage if mind.name == life.leader else None
-        about_itself = {**self_row(itself, scenario, bodies[STUDENT]), **damage_row(damage, scenario)}
-        rows.append({"kind": "self", **names, **about_itself})
+        broke = damage_row(damage, scenario, bodies[STUDENT], log[f"truth/{STUDENT}/joints"])
+        rows.append({"kind": "self", **names, **self_row(itself, scenario, bodies[STUDENT]), **broke})
+        if damage is not None:
+            arrays["self/words_since"] = np.array(damage.words)
         selves: Row = {
             "self_error_initial": float(theirs["objective"][0]),
             "self_error_final": float(theirs["objective"][-1]),
@@ -133,6 +136,7 @@ def report_trial(
                 "score": None,
                 "score_low": None,
                 "score_high": None,
+                "verdict_since": None,
                 "found": name in seen,
                 "chosen": False,
                 **_staging(scenario, index),
@@ -145,6 +149,8 @@ def report_trial(
                 made = candidate_arrays(candidate, judgement, bodies[name], scenario, log, name)
                 arrays |= {f"{prefix}{name}/{key}": value for key, value in made.items()}
                 row |= candidate_row(judgement, made)
+                if mind.name == life.leader and life.again:  # with the body that it has left
+                    row["verdict_since"] = life.again[seen[name]].verdict.answer
                 if mind.name == life.leader and life.chosen == seen[name]:
                     row["chosen"] = True
                     row |= performance_row(arrays, name, log, bodies)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from testbed.report import html
 from testbed.report.desk import Desk
 from testbed.report.knowing import angle_figure, self_table
+from testbed.report.mending import damage_figure, damage_table
 from testbed.report.travelling import TRAVELS, imitated, travel_figure, travel_table
 
 
@@ -21,10 +22,19 @@ def bodies_known(desk: Desk) -> str:
         "trials, and the middle 90%, bodies whose angles cannot be told among them. Where a limb "
         "hangs on the wrong part, the model is wrong, whatever its angles.",
     )
+    mended = desk.picture(
+        damage_figure(run),
+        "damage",
+        "Errors of the self-model after damage, when noticed and after further commands",
+        "What is known of a body that broke: grey when the student noticed it, black once it had modelled itself anew. "
+        "A limb stuck off the ground feels like one that is lost: such a joint has no angle here.",
+    )
     return html.section(
         "What they know of themselves",
         self_table(run),
         figure,
+        damage_table(run),
+        mended,
         lead="With Wilson's 95% intervals. Angles are compared where the limbs hang as they should.",
     )
 

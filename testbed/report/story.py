@@ -59,9 +59,9 @@ def self_discovery(desk: Desk, sample: Trial) -> str:
 
 
 def _known(sample: Trial) -> str:
-    """What the mind says that it knows of its body and what not, in its own words."""
-    words = sample.array("self/words")
-    lines = [] if words is None else [str(line) for line in np.atleast_1d(words) if str(line)]
+    """What the mind says that it knows of its body and what not, and what became of it since, in its own words."""
+    told = [sample.array(f"self/{name}") for name in ("words", "words_since")]
+    lines = [str(line) for words in told if words is not None for line in np.atleast_1d(words) if str(line)]
     return "".join(f"<p>{html.text(sentence(line))}</p>" for line in lines)
 
 

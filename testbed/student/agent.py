@@ -53,6 +53,7 @@ class Life:
         selves: How each mind found its body, by name.
         candidates: Whom it found, from left to right.
         damage: What it found when it checked its body before it moved; None if it did not.
+        again: With a limb lost, what the leader makes of the candidates with the body that is left.
         chosen: Which candidate it imitated; None if nobody was like it.
         perform_start: Its action count when it began to imitate.
         perform_steps: For how many actions it imitated.
@@ -62,6 +63,7 @@ class Life:
     selves: Mapping[str, Self]
     candidates: tuple[Candidate, ...]
     damage: DamageReport | None
+    again: tuple[Judgement, ...]
     chosen: int | None
     perform_start: int
     perform_steps: int
@@ -128,14 +130,29 @@ class Student:
             judgements = {mind.name: mind.consider(number, watched, looks[mind.name]) for mind in self._minds}
             candidates.append(Candidate(bearing, steps, watched, judgements))
 
-        chosen = choose([candidate.judgements[leader.name] for candidate in candidates])
+        judged = [candidate.judgements[leader.name] for candidate in candidates]
         damage = yield from self._try(leader, leader.check_itself())
+        again: list[Judgement] = []
+        if damage is not None and damage.kind == "limb_lost":
+            judged = again = self._judge_again(leader, candidates, damage)
+        chosen = choose(judged)
         start, steps_done = self._steps, 0
         if chosen is not None:
-            commands = leader.commands(candidates[chosen].judgements[leader.name], damage)
+            commands = leader.commands(judged[chosen], damage)
             start = self._steps
             steps_done = yield from self._perform(commands)
-        return Life(leader.name, selves, tuple(candidates), damage, chosen, start, steps_done)
+        return Life(leader.name, selves, tuple(candidates), damage, tuple(again), chosen, start, steps_done)
+
+    def _judge_again(
+        self, mind: Mind, candidates: Sequence[Candidate], lost: DamageReport
+    ) -> list[Judgement]:
+        """With a limb lost it is somebody else: nobody here may be like it any more, or somebody who was not."""
+        if not lost.motors:
+            return []  # nothing is left to move
+        return [
+            mind.consider(number, candidate.watched, candidate.judgements[mind.name].looks, lost)
+            for number, candidate in enumerate(candidates)
+        ]
 
     def _try(
         self, mind: Mind, asking: Generator[Vector, Vector | None, T]

@@ -18,10 +18,12 @@ from testbed.student import phases
 from testbed.student.body.damage import SelfCheck
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.posterior import SelfKnowledge
+from testbed.student.body.rediscovery import Rediscovery
 from testbed.student.body.self_model import BodyPrior, Tree
 from testbed.student.judging.verdict import Verdict
 from testbed.student.methods import MindPlan
 from testbed.student.motion import Watched
+from testbed.student.parameters import ActiveDiscoveryParameters
 from testbed.student.phases import Imitated, Modelled
 from testbed.student.senses import Progress, Senses
 
@@ -140,28 +142,52 @@ class Mind:
             command = check.next_command()
             tilt = yield command
             assert tilt is not None
-            check.tell(command, tilt)
+            if check.tell(command, tilt) is not None and parameters.anew is not None:
+                return (yield from self._discover_anew(self.itself, check.record(), command, tilt))
         return check.record()
 
-    def consider(self, number: int, watched: Watched, looks: tuple[int, ...]) -> Judgement:
+    def _discover_anew(
+        self, itself: SelfKnowledge, noticed: DamageReport, command: Vector, tilt: Vector
+    ) -> Generator[Vector, Vector | None, DamageReport]:
+        """Extension: something is wrong, as a command (joints,) rad showed by its tilt (2,) rad. What am I now?"""
+        parameters = self.parameters.self_check.anew
+        assert parameters is not None
+        own = self.parameters.active_discovery or ActiveDiscoveryParameters.for_limbs(len(self._prior.limbs))
+        again = Rediscovery(itself, noticed, parameters, own, np.random.default_rng(self._seeds.spawn(1)[0]))
+        again.tell(command, tilt)
+        while again.wants_more:
+            command = again.next_command()
+            sensed = yield command
+            assert sensed is not None
+            again.tell(command, sensed)
+        return again.record()
+
+    def consider(
+        self, number: int, watched: Watched, looks: tuple[int, ...], lost: DamageReport | None = None
+    ) -> Judgement:
         """Sections 3.3 and 3.4: model a candidate, try to move like it, and decide.
 
         Args:
             number: Which candidate.
             watched: All that the student saw of it.
             looks: Which of the frames this mind asked for.
+            lost: What it found when a limb was gone: it compares the candidate with the body that is left.
         """
         assert self.itself is not None, "a mind discovers itself before it judges others"
         watching, trying = map(np.random.default_rng, self._seeds.spawn(2))
-        parameters, body = self.parameters, self.itself.body
+        parameters, own = self.parameters, phases.Own(self._prior, self.itself.body)
+        if lost is not None:
+            own = phases.Own(BodyPrior.of(lost.body), lost.body)
+        body = own.body
         seen = Watched(watched.frames[list(looks)], watched.times[list(looks)])
 
-        modelling = f"{number} {looks} {self._self_discovery} {self._key('teacher_modelling')}"
+        itself = self._self_discovery if lost is None else f"{self.name} of what is left"
+        modelling = f"{number} {looks} {itself} {self._key('teacher_modelling')}"
         model = self._once(
             modelling,
             lambda: phases.TEACHER_MODELLING[self.phases.teacher_modelling](
                 seen,
-                phases.Own(self._prior, body),
+                own,
                 self._senses,
                 parameters,
                 watching,
@@ -184,13 +210,14 @@ class Mind:
     def commands(self, judgement: Judgement, damage: DamageReport | None = None) -> Vector:
         """(steps, joints) motor commands, one a control step, with which the student moves like that teacher.
 
-        With a joint that no longer moves it tries anew what its body still can; with a limb lost it has not the body
-        any more that the teacher has, and does not try: no steps.
+        With a joint that no longer moves it tries anew what its body still can. With a limb lost, ``judgement`` is of
+        the body that is left; what is gone gets no commands.
         """
         assert self.itself is not None, "a mind discovers itself before it moves"
         body, imitation = self.itself.body, judgement.imitation
+        motors: tuple[int, ...] = tuple(range(len(body.joints)))
         if damage is not None and damage.kind == "limb_lost":
-            return np.empty((0, len(body.joints)))
+            body, motors = damage.body, damage.motors
         if damage is not None and damage.kind == "joint_locked":
             body, trying = damage.body, np.random.default_rng(self._seeds.spawn(1)[0])
             imitate = phases.IMITATION[self.phases.imitation]
@@ -198,7 +225,7 @@ class Mind:
             imitation = imitate(judgement.model, body, self._senses, self.parameters, trying, again)
         perform = phases.PERFORMANCE[self.phases.imitation]
         practising = np.random.default_rng(self._seeds.spawn(1)[0])
-        commands: Vector = perform(
+        steps: Vector = perform(
             judgement.model,
             imitation,
             body,
@@ -207,6 +234,8 @@ class Mind:
             practising,
             self._phase("practising"),
         )
+        commands = np.zeros((len(steps), len(self._prior.motors)))
+        commands[:, motors] = steps
         return commands
 
     def _key(self, phase: str) -> str:

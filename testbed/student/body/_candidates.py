@@ -24,10 +24,12 @@ def settle_candidates(
     speeds: Vector,
     commands: Vector,
     increment: float,
+    starts: Vector,
+    there: bool,
     ups: Vector,
     haste: Vector,
 ) -> None:
-    """How bodies that have the same parts, differently joined, come to rest, each command started flat.
+    """How bodies that have the same parts, differently joined, come to rest after each command.
 
     Args:
         parents: (c, n) of each candidate.
@@ -42,6 +44,8 @@ def settle_candidates(
         speeds: (n,) relative to each other.
         commands: (m, n) rad.
         increment: As :func:`settle_commands` takes it.
+        starts: Likewise, (m, 3).
+        there: Likewise.
         ups: (c, m, 3) out: the world's up in the root's frame.
         haste: (c, m) out: as in the last column there.
     """
@@ -74,7 +78,8 @@ def settle_candidates(
             speeds,
             targets,
             increment,
-            True,
+            starts,
+            there,
             poses,
         )
         ups[candidate] = poses[:, :3]

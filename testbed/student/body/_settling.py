@@ -195,6 +195,21 @@ def _turn_heading(
 
 
 @compiled
+def _stand(pose: Vector, up: Vector) -> None:
+    """Begin with this up direction (3,), in the middle of the ground; the world's x is any direction square to it."""
+    pose[:] = 0.0
+    u0, u1, u2 = up
+    if abs(u0) < 0.9:
+        norm = 1 / math.hypot(u1, u2)
+        x0, x1, x2 = (u1 * u1 + u2 * u2) * norm, -u0 * u1 * norm, -u0 * u2 * norm
+    else:
+        norm = 1 / math.hypot(u0, u1)
+        x0, x1, x2 = -u1 * norm, u0 * norm, 0.0
+    pose[0], pose[1], pose[2] = u0, u1, u2
+    pose[3], pose[4], pose[5] = x0, x1, x2
+
+
+@compiled
 def settle_commands(
     parents: Indices,
     order: Indices,
@@ -204,7 +219,8 @@ def settle_commands(
     speeds: Vector,
     targets: Vector,
     increment: float,
-    afresh: bool,
+    starts: Vector,
+    there: bool,
     poses: Vector,
 ) -> int:
     """Move to each of the ``targets`` and come to rest; returns how many did not.
@@ -218,7 +234,9 @@ def settle_commands(
         speeds: (n,) of the motors relative to each other; on the way all move at once, each until it has arrived.
         targets: (steps, n) rad.
         increment: The fastest motor turns this far (rad) between two rests.
-        afresh: Whether each step starts flat, or from the posture before.
+        starts: (steps, 3) the world's up in the root's frame from which each step starts; (0, 3) if only the first
+            starts level, and each other one from where the one before came to rest.
+        there: Whether the joints are at their targets at each start already, or flat.
         poses: (steps, 10) out: as in :func:`come_to_rest`, and the greatest roll per turn of the fastest motor on
             the way: far above one where the body toppled.
     """
@@ -228,12 +246,15 @@ def settle_commands(
     scratch, near = np.empty((len(spheres), 4)), np.empty((len(spheres), 2))
     touching = np.empty(len(spheres), np.int64)
     now, pose = np.zeros(limbs), np.zeros(9)
+    pose[2] = pose[3] = 1.0
     restless = 0
     for step in range(len(targets)):
-        if afresh or step == 0:
-            now[:] = 0.0
-            pose[:] = 0.0
-            pose[2] = pose[3] = 1.0
+        if step < len(starts):
+            _stand(pose, starts[step])
+            if there:
+                now[:] = targets[step]
+            else:
+                now[:] = 0.0
         longest = 0.0
         for limb in range(limbs):
             longest = max(longest, abs(targets[step, limb] - now[limb]) / speeds[limb])

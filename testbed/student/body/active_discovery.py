@@ -28,6 +28,7 @@ from testbed.student.body.posterior_samples import sample_posterior
 from testbed.student.body.proposals import Proposals
 from testbed.student.body.refinement import Refinement
 from testbed.student.body.self_model import BodyPrior, Tree
+from testbed.student.body.settling import LEVEL
 from testbed.student.parameters import ActiveDiscoveryParameters
 
 
@@ -53,6 +54,7 @@ class ActiveDiscovery:
         self._refinement = Refinement(self.mind, parameters.beliefs)
         self._people = self._proposals.from_prior(parameters.population)
         self._ups = np.empty((len(self._people), 0, 3))
+        self._lying = LEVEL
         self._fit = self._judge(self._ups, self._people)
         self._history: list[History] = []
 
@@ -77,10 +79,10 @@ class ActiveDiscovery:
 
     def _worth(self, voters: Genomes, votes: Vector, commands: Vector) -> Vector:
         parameters = self._parameters
-        ups, haste = self.mind.foresee(voters, commands)
+        ups, haste = self.mind.foresee(voters, commands, starts=self._lying)
         if parameters.nudge_deg:
             nudges = self._rng.normal(0.0, math.radians(parameters.nudge_deg), commands.shape)
-            again = self.mind.feel(voters, commands + nudges)
+            again, _ = self.mind.foresee(voters, commands + nudges, starts=self._lying)
             apart = 2 * np.arcsin(np.clip(np.linalg.norm(ups - again, axis=2) / 2, 0, 1))
             haste = haste + np.where(apart > 4 * math.radians(parameters.nudge_deg), 1.0, 0.0)
         return worth_of(votes, ups, haste, parameters.beliefs.spread, parameters.choice)
@@ -88,12 +90,25 @@ class ActiveDiscovery:
     def tell(self, command: Vector, tilt: Vector) -> None:
         """Learn from the tilt (2,) rad, felt after a command (n,) rad that was given to the body lying flat."""
         command = np.asarray(command, dtype=float)
-        self._felt = self._felt.with_reading(command, np.asarray(tilt, dtype=float))
-        new = self.mind.feel(self._people, command[None])
+        newest = Felt(command[None], np.asarray(tilt, dtype=float)[None])
+        self._felt = self._felt.with_reading(command, newest.tilt[0])
+        new = self._relived(self._people, newest)
         self._ups = np.concatenate([self._ups, new], axis=1)
         self._fit = self._judge(self._ups, self._people)
         self._search(self._allowance())
         self._remember()
+        if self._parameters.beliefs.in_place:
+            self._lying = self._stretched_out(newest)
+
+    def _stretched_out(self, newest: Felt) -> Vector:
+        """(3,) up where the body lies flat again after a reading, as most of those who choose expect.
+
+        A body that turned over starts the next command from its back.
+        """
+        voters, _ = self._voters()
+        flat = np.zeros_like(newest.commands)
+        ups = self.mind.foresee(voters, flat, starts=newest.up, there=True)[0][:, 0]
+        return np.asarray(ups[int(np.argmax(ups @ ups.mean(axis=0)))])
 
     def record(self) -> SelfKnowledge:
         """What is known now; spends the evaluations that were kept for the posterior."""
@@ -104,9 +119,8 @@ class ActiveDiscovery:
         covariances = self._refinement.covariances(
             modes, self._ups[order[: parameters.modes]], felt, math.radians(parameters.widest_deg)
         )
-        count = max(
-            parameters.fewest_samples, parameters.evaluations - self.mind.evaluations - len(modes) - 1
-        )
+        left = parameters.evaluations - self.mind.evaluations - len(modes) - 1
+        count = min(max(parameters.fewest_samples, left), parameters.most_samples)
         samples, weights, heights, bias = sample_posterior(
             modes, covariances, self.mind, felt, parameters.beliefs, count, self._rng
         )
@@ -119,7 +133,7 @@ class ActiveDiscovery:
         classes = fold_classes(samples, weights, width=math.radians(parameters.distinct_deg))
         middle = self._middle(samples, weights, classes[0])
         samples, weights = Genomes.joined(samples, middle), np.append(weights, 0.0)
-        fit = self._judge(self.mind.feel(middle, felt.commands), middle)
+        fit = self._judge(self._relived(middle, felt), middle)
         heights, bias = np.append(heights, fit.log_posterior), np.concatenate([bias, fit.bias])
         best = int(np.argmax(heights))
         if heights[-1] > heights[best] - parameters.middle_within:
@@ -175,7 +189,7 @@ class ActiveDiscovery:
         """Evaluations to spend on the search after this command."""
         parameters = self._parameters
         left = parameters.commands - len(self._felt.commands)
-        asking = (4 if parameters.nudge_deg else 2) * parameters.voters
+        asking = (2 + 2 * bool(parameters.nudge_deg) + parameters.beliefs.in_place) * parameters.voters
         upkeep = left * (parameters.population + asking)
         free = (1 - parameters.final_share) * parameters.evaluations - self.mind.evaluations - upkeep
         told = len(self._felt.commands)
@@ -213,7 +227,7 @@ class ActiveDiscovery:
     def _add(self, newcomers: Genomes) -> None:
         if not len(newcomers):
             return
-        ups = self.mind.feel(newcomers, self._felt.commands)
+        ups = self._relived(newcomers, self._felt)
         self._people = Genomes.joined(self._people, newcomers)
         self._ups = np.concatenate([self._ups, ups])
         self._fit = self._judge(self._ups, self._people)
@@ -226,6 +240,9 @@ class ActiveDiscovery:
         self._people.values[rows] = people.values
         self._ups[rows] = ups
         self._fit = self._judge(self._ups, self._people)
+
+    def _relived(self, people: Genomes, felt: Felt) -> Vector:
+        return self.mind.relive(people, felt, self._parameters.beliefs)
 
     def _judge(self, ups: Vector, people: Genomes) -> Fit:
         return judge_bodies(ups, people.values, self._felt, self._parameters.beliefs)

@@ -22,10 +22,9 @@ from scipy.special import logsumexp
 
 from testbed.morphology import Vector
 from testbed.student.body.commands import worth_of
-from testbed.student.body.damage_report import DamageKind, DamageReport, carried_by, damage_in_words, damaged
+from testbed.student.body.damage_report import DamageKind, DamageReport, suffered
 from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.posterior import SelfKnowledge
-from testbed.student.body.self_model import hinge_name
 from testbed.student.body.settling import up_of_tilt
 from testbed.student.parameters import DamageParameters
 
@@ -132,20 +131,9 @@ class SelfCheck:
         kind: DamageKind = "none" if intact else surprise.kind
         limb = -1 if intact else surprise.limb
         angle = self._locked_angle(limb) if kind == "joint_locked" else None
-        body, motors = damaged(knowledge.body, kind, limb, angle)
         share = 1 - surprise.broken if intact else surprise.probability
-        words = damage_in_words(knowledge.parents, kind, limb, angle, share, self._noticed)
-        return DamageReport(
-            noticed_after=None if intact else self._noticed,
-            kind=kind,
-            limb=None if intact else limb,
-            joint=None if intact else hinge_name(limb),
-            locked_angle=angle,
-            probability=share,
-            body=body,
-            motors=motors,
-            words=words,
-        )
+        noticed = None if intact else self._noticed
+        return DamageReport.of(knowledge, kind, limb, angle, share, noticed)
 
     @property
     def _spread(self) -> float:
@@ -171,19 +159,10 @@ class SelfCheck:
 
     def _imagined(self) -> tuple[Genomes, Vector]:
         """Every hypothesis with every body, and how much of its command each servo follows."""
-        count, limbs = len(self._bodies), self._bodies.limbs
-        groups, gains = [], np.ones((len(self.hypotheses), count, limbs))
-        for number, hypothesis in enumerate(self.hypotheses):
-            values, limb = self._bodies.values.copy(), hypothesis.limb
-            if hypothesis.kind == "limb_lost":
-                for one, tree in enumerate(self._bodies.trees):
-                    gone = [2 * limbs + part for part in carried_by(tree, limb)]
-                    values[one, gone] = -np.inf  # a length factor of zero
-            elif hypothesis.kind == "joint_locked":
-                values[:, limbs + limb] = hypothesis.angle
-                gains[number, :, limb] = 0.0
-            groups.append(Genomes(self._bodies.parents, values))
-        return Genomes.joined(*groups), gains.reshape(-1, limbs)
+        imagined = [suffered(self._bodies, one.kind, one.limb, one.angle) for one in self.hypotheses]
+        return Genomes.joined(*(bodies for bodies, _ in imagined)), np.concatenate(
+            [gains for _, gains in imagined]
+        )
 
     def _surprise(self) -> Surprise:
         probability = np.exp(self._log).sum(axis=1)

@@ -15,8 +15,10 @@ import numpy as np
 from testbed.morphology import Morphology, Part, Vector
 from testbed.student.body._candidates import settle_candidates
 from testbed.student.body._postures import Indices
+from testbed.student.body.plausibility import Felt
 from testbed.student.body.self_model import BodyPrior, Tree, joined
-from testbed.student.body.settling import INCREMENT, parents_first, shape_row
+from testbed.student.body.settling import INCREMENT, LEVEL, parents_first, shape_row
+from testbed.student.parameters import PlausibilityParameters
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,16 @@ class Foresight:
         )
         self.evaluations = 0
 
+    def relive(self, genomes: Genomes, felt: Felt, beliefs: PlausibilityParameters) -> Vector:
+        """(bodies, readings, 3) up directions to hold against what was felt.
+
+        Either where each body comes to rest after each command, started flat; or, if ``beliefs.in_place``, where it
+        rolls from the tilt that was felt: a body that would lie so stays.
+        """
+        if beliefs.in_place:
+            return self.foresee(genomes, felt.commands, starts=felt.up, there=True)[0]
+        return self.feel(genomes, felt.commands)
+
     def feel(self, genomes: Genomes, commands: Vector, gains: Vector | None = None) -> Vector:
         """The world's up direction in the root's frame, (bodies, commands, 3), settled from flat.
 
@@ -109,7 +121,13 @@ class Foresight:
         return self.foresee(genomes, commands, gains)[0]
 
     def foresee(
-        self, genomes: Genomes, commands: Vector, gains: Vector | None = None
+        self,
+        genomes: Genomes,
+        commands: Vector,
+        gains: Vector | None = None,
+        *,
+        starts: Vector = LEVEL,
+        there: bool = False,
     ) -> tuple[Vector, Vector]:
         """As :meth:`feel`, and (bodies, commands) how hastily the body rolled: far above one where it toppled.
 
@@ -117,6 +135,8 @@ class Foresight:
             genomes: The bodies.
             commands: (m, n) motor commands, rad.
             gains: As there.
+            starts: (3,) or (m, 3) the world's up in the root's frame when the body starts.
+            there: Whether its joints are at their commands from the start, or flat.
         """
         ups = np.empty((len(genomes), len(commands), 3))
         haste = np.empty(ups.shape[:2])
@@ -131,6 +151,8 @@ class Foresight:
             *self._parts,
             np.ascontiguousarray(commands, dtype=float),
             INCREMENT,
+            np.ascontiguousarray(np.broadcast_to(starts, (len(commands), 3))),
+            there,
             ups,
             haste,
         )

@@ -2,7 +2,8 @@
 
 The loss lives on the direction of gravity rather than on two tilt angles, which are ill-defined when the body stands
 on its end. It grows like a logarithm (Student's t), so that a posture with several ways to lie, where the imagined
-body ended on another side than the real one, costs a bounded amount instead of deciding everything.
+body ended on another side than the real one, costs a bounded amount instead of deciding everything. With many limbs a
+swift motion often ends so; there a body is asked only whether it would lie as it was felt to lie.
 """
 
 from __future__ import annotations

@@ -106,8 +106,8 @@ class SelfKnowledge:
     @property
     def errors(self) -> Vector:
         """The error of each, rad: root mean square angle between imagined and felt gravity; see :class:`History`."""
-        imagined = up_of_tilt(Settler(self.body).tilt(self.commands + self.offsets))
-        felt = up_of_tilt(self.tilt)
+        commands, felt, body = self.commands + self.offsets, up_of_tilt(self.tilt), Settler(self.body)
+        imagined = body.stays(commands, felt) if self.beliefs.in_place else up_of_tilt(body.tilt(commands))
         apart = np.arccos(np.clip(np.sum(imagined * felt, axis=-1), -1, 1))
         return np.array([*(entry.error for entry in self.history), float(np.sqrt(np.mean(apart**2)))])
 

@@ -36,7 +36,7 @@ def sample_posterior(
     """
     size = modes.values.shape[1]
     limbs = size // 3
-    ups = mind.feel(modes, felt.commands)
+    ups = mind.relive(modes, felt, beliefs)
     heights = judge_bodies(ups, modes.values, felt, beliefs).log_posterior
     _, half_logs = np.linalg.slogdet(covariances)
     evidence = heights + 0.5 * half_logs
@@ -51,7 +51,7 @@ def sample_posterior(
     values = modes.values[picks] + noise
     values[:, :limbs] = np.angle(np.exp(1j * values[:, :limbs]))
     drawn = Genomes(modes.parents[picks], values)
-    fit = judge_bodies(mind.feel(drawn, felt.commands), values, felt, beliefs)
+    fit = judge_bodies(mind.relive(drawn, felt, beliefs), values, felt, beliefs)
     inverses = np.linalg.inv(covariances)
     way = values[:, None] - modes.values[None]
     way[..., :limbs] = np.angle(np.exp(1j * way[..., :limbs]))

@@ -28,7 +28,6 @@ class Proposals:
         rng: Source of all chance.
         outward: Whether a limb hangs on the main body or on a limb before it, or on any.
         elite: How many of the best have most of the offspring.
-        elite: How many of the best have most of the offspring.
     """
 
     def __init__(

@@ -120,7 +120,7 @@ class Refinement:
         limbs = people.limbs
         trial[:, :limbs] = np.angle(np.exp(1j * trial[:, :limbs]))
         trial[:, limbs:] = np.clip(trial[:, limbs:], -0.6, 0.6)
-        there = self._mind.feel(Genomes(people.parents, trial), felt.commands)
+        there = self._mind.relive(Genomes(people.parents, trial), felt, self._beliefs)
         after = judge_bodies(there, trial, felt, self._beliefs)
         gain = after.log_posterior - fit.log_posterior
         values, result = people.values.copy(), ups.copy()
@@ -142,7 +142,7 @@ class Refinement:
         nudged = people.repeat(size)
         nudges = _NUDGE * np.eye(size, people.values.shape[1])
         nudged = Genomes(nudged.parents, nudged.values + np.tile(nudges, (len(people), 1)))
-        there = self._mind.feel(nudged, felt.commands).reshape(len(people), size, *ups.shape[1:])
+        there = self._mind.relive(nudged, felt, self._beliefs).reshape(len(people), size, *ups.shape[1:])
         change = (there - ups[:, None]) / _NUDGE
         torn = np.abs(change).max(axis=3, keepdims=True) > 10.0  # the nudge made it topple: no derivative
         return np.moveaxis(np.where(torn, 0.0, change), 1, 3)

@@ -20,6 +20,10 @@ INCREMENT = math.radians(10.0)
 """The fastest motor turns this far between two rests on the way to a command. Agreement is alike from 3 to 30 deg."""
 
 
+LEVEL = np.array([0.0, 0.0, 1.0])
+"""The world's up in the frame of a root that lies as it was put down."""
+
+
 def shape_row(part: Part) -> tuple[float, float, float, float]:
     """Kind and sizes of a part, as the compiled code takes them."""
     if isinstance(part, Cuboid):
@@ -92,6 +96,18 @@ class Settler:
         """(n, 2) tilt of the root (rad) after each command, as :func:`testbed.physics.tilt_of`."""
         return tilt_of_up(self._poses(commands, afresh=True)[:, :3])
 
+    def stays(self, commands: Vector, up: Vector) -> Vector:
+        """(n, 3) the up direction to which a stiff posture rolls, the joints at ``commands`` (n, joints) rad all along.
+
+        Args:
+            commands: Joint angles.
+            up: (n, 3) where it is put down: the world's up in the root's frame.
+        """
+        poses = np.empty((len(commands), 10))
+        targets, starts = (np.ascontiguousarray(each, dtype=float) for each in (commands, up))
+        settle_commands(*self._body, targets, self._increment, starts, True, poses)
+        return poses[:, :3]
+
     def follow(self, targets: Vector) -> tuple[Vector, Vector]:
         """A slow motion: each step starts where the one before came to rest, the first flat.
 
@@ -109,7 +125,8 @@ class Settler:
     def _poses(self, targets: Vector, *, afresh: bool) -> Vector:
         targets = np.ascontiguousarray(targets, dtype=float)
         poses = np.empty((len(targets), 10))
-        settle_commands(*self._body, targets, self._increment, afresh, poses)
+        starts = np.tile(LEVEL, (len(targets) if afresh else 0, 1))
+        settle_commands(*self._body, targets, self._increment, starts, False, poses)
         return poses
 
 

@@ -9,6 +9,7 @@ from testbed.student.parameters.discovering import (
     ActiveDiscoveryParameters,
     DamageParameters,
     PlausibilityParameters,
+    RediscoveryParameters,
     SelfCheckParameters,
 )
 from testbed.student.parameters.judging import Calibration, LikenessParameters
@@ -47,6 +48,7 @@ __all__ = [
     "PerformingParameters",
     "PlausibilityParameters",
     "PosingParameters",
+    "RediscoveryParameters",
     "RehearsalParameters",
     "SelfCheckParameters",
     "SelfDiscoveryParameters",

@@ -39,6 +39,13 @@ class PlausibilityParameters(Frozen):
         "elsewhere than foreseen.",
     )
 
+    in_place: bool = Field(
+        False,
+        description="Whether a body explains a reading if it would stay where it was felt to lie, however it came to "
+        "lie there. If not, it must come there slowly from lying level: more is foreseen, but with three limbs and "
+        "more swift motions throw one posture in five over into another way to lie, and a body may be on its back.",
+    )
+
     @property
     def spread(self) -> float:
         """Scale of a residual, rad."""
@@ -147,6 +154,11 @@ class ActiveDiscoveryParameters(Frozen):
     fewest_samples: int = Field(
         100, ge=10, description="Bodies drawn for the posterior where no more evaluations are left."
     )
+    most_samples: int = Field(
+        2000,
+        ge=10,
+        description="Never more than this: grouping them takes time that grows with their square.",
+    )
     known_within_deg: float = Field(
         10.0, gt=0, description="An angle is known if the posterior keeps within this of the best ..."
     )
@@ -158,16 +170,17 @@ class ActiveDiscoveryParameters(Frozen):
     def for_limbs(cls, limbs: int) -> ActiveDiscoveryParameters:
         """Defaults that grow with the body: n limbs have n! topologies, and rest on more things at once.
 
-        With three limbs 20 commands and 6,000 evaluations; with more 40 and 20,000, most of them late and spent on
+        With three limbs 20 commands and 6,000 evaluations; with more 40 and 40,000, most of them late and spent on
         hanging single limbs everywhere: measured on a quadruped with eight joints, the right topology of 40,320.
         """
         if limbs <= 2:
             return cls()
         if limbs == 3:
-            return cls(commands=20, evaluations=6000)
+            return cls(commands=20, evaluations=6000, beliefs=PlausibilityParameters(in_place=True))
         return cls(
             commands=40,
-            evaluations=20_000,
+            evaluations=40_000,
+            final_share=0.03,
             elite=5.0,
             openings=0,
             nudge_deg=2.0,
@@ -175,7 +188,7 @@ class ActiveDiscoveryParameters(Frozen):
             scans=2,
             late=True,
             choice=CommandParameters(lift_share=0.6),
-            beliefs=PlausibilityParameters(model_error_deg=1.0),
+            beliefs=PlausibilityParameters(model_error_deg=1.0, in_place=True),
         )
 
 
@@ -214,6 +227,42 @@ class DamageParameters(Frozen):
     commands: CommandParameters = CommandParameters()
 
 
+class RediscoveryParameters(Frozen):
+    """Everything open about how the student models itself anew once it has noticed damage."""
+
+    commands: int = Field(
+        8,
+        ge=1,
+        le=1000,
+        description="Further commands: about as many as the paper's first self-discovery (Section 3.2.1).",
+    )
+    bodies: int = Field(
+        80,
+        ge=4,
+        le=10_000,
+        description="Samples of each supposition: enough that some joint among them is stuck within a degree.",
+    )
+    moves: int = Field(2, ge=1, le=100, description="Steps of every sample at each degree of a reading.")
+    voters: int = Field(
+        16,
+        ge=4,
+        le=1000,
+        description="Samples that choose a command: eight to sixteen, as in self-discovery.",
+    )
+    design_share: float = Field(
+        0.5,
+        gt=0,
+        lt=1,
+        description="Voters for other suppositions than the likeliest: as long as they have a say, what is wrong is "
+        "found out; the others refine the likeliest.",
+    )
+    pool: int = Field(60, ge=1, le=1000, description="Commands to choose from.")
+    doubt: float = Field(
+        0.05, gt=0, lt=1, description="What is as probable as this at the end is told as another possibility."
+    )
+    choice: CommandParameters = CommandParameters()
+
+
 class SelfCheckParameters(Frozen):
     """Before it moves, the student ``like_me`` makes sure that its body is still what it was (extension)."""
 
@@ -224,3 +273,6 @@ class SelfCheckParameters(Frozen):
         description="Commands that it tries; 0 leaves the check out. Three show nearly all damage that shows at all.",
     )
     damage: DamageParameters = DamageParameters()
+    anew: RediscoveryParameters | None = Field(
+        RediscoveryParameters(), description="None: what was noticed is believed as it is."
+    )
