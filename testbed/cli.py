@@ -66,7 +66,7 @@ def run(
     screen = _console(stderr=as_json)
     with _traceback_kept_in(path), display_on(screen) as display:
         outcome = runner.run(scenario, out=path, workers=workers or _cores(), display=display)
-        report = _report_of(path) if outcome.verdicts["verdicts"] else None
+        report = _report_of(path) if _anything(outcome.verdicts) else None
     if as_json:
         _print_json({"run": str(path), "report": report and str(report), **outcome.verdicts})
     elif outcome.verdicts["verdicts"]:
@@ -167,7 +167,7 @@ def report(folder: RunFolder, as_json: AsJson = False) -> None:
     from testbed.experiment.runner import summed_up
 
     contents = summed_up(RunDirectory.open(folder))
-    if not contents["verdicts"]:
+    if not _anything(contents):
         raise UserError(f"{shown_path(folder)} has no finished trial yet", "run its scenario first")
     with _traceback_kept_in(folder):
         verdicts.write(folder, contents)
@@ -231,6 +231,11 @@ def _traceback_kept_in(folder: Path) -> Any:
             file.write_text(traceback.format_exc(), encoding="utf-8")
             error.testbed_traceback = shown_path(file)  # type: ignore[attr-defined]
         raise
+
+
+def _anything(contents: dict[str, Any]) -> bool:
+    """Whether a trial is finished: where there are no teachers, the student still knows something of itself."""
+    return bool(contents["verdicts"] or contents["selves"])
 
 
 def _report_of(folder: Path) -> Path:

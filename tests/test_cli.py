@@ -55,6 +55,21 @@ def test_run_ends_with_the_verdicts_and_the_report(say: Any, tmp_path: Path) -> 
     assert (tmp_path / "r" / "verdicts.json").is_file()
 
 
+def test_a_student_without_teachers_has_a_report_too(
+    say: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def alone(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+        result = compute(job, progress)
+        itself = {"kind": "self", "trial": job.trial, "cell": job.cell, "student": "like_me"}
+        return TrialResult((itself,), result.arrays)
+
+    monkeypatch.setattr(runner_module, "live", alone)
+    out = str(tmp_path / "r")
+    status, told, _ = say("run", "self_discovery", "--trials", "1", "--out", out, "--workers", "1")
+    assert (status, told.strip().splitlines()[-1]) == (0, f"report: {tmp_path / 'r' / 'report.html'}")
+    assert say("report", out)[0] == 0
+
+
 def test_run_prints_json_and_nothing_else_for_programs(say: Any, tmp_path: Path) -> None:
     status, out, _ = say("run", "whom_to_imitate", "--out", str(tmp_path), "--json", "--workers", "1")
     contents = json.loads(out)
