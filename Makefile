@@ -4,14 +4,16 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+TOOLS := $(VENV)/.tools
 SCENARIO ?= scenarios/whom_to_imitate.yaml
 
-.PHONY: run test lint bench clean help
+.PHONY: run leaderboard test lint bench clean help
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make run    run $(SCENARIO) (or SCENARIO=file)"
 	@echo "make test   the fast tests"
+	@echo "make leaderboard   all students and baselines on the same teachers"
 	@echo "make lint   style and types"
 	@echo "make bench  the benchmarks, into benchmarks/results.json"
 	@echo "make clean  remove caches and the environment; runs/ stays"
@@ -19,18 +21,21 @@ help:
 run: $(STAMP)
 	$(BIN)/testbed run $(SCENARIO)
 
-test: $(STAMP)
+leaderboard: $(STAMP)
+	$(BIN)/testbed run leaderboard
+
+test: $(TOOLS)
 	$(BIN)/python -m pytest -n 2 -q -m "not slow"
 
 # pre-commit needs a git checkout; in an unpacked archive its three commands do the same.
-lint: $(STAMP)
+lint: $(TOOLS)
 	@if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then \
 		$(BIN)/pre-commit run --all-files; \
 	else \
 		$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy; \
 	fi
 
-bench: $(STAMP)
+bench: $(TOOLS)
 	$(BIN)/python -m benchmarks
 
 # The stamp is newer than what it was made from, or the environment is made again on top of what is there.
@@ -43,6 +48,11 @@ $(STAMP): pyproject.toml constraints.txt
 		exit 1; } >&2
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { \
 		rm -rf $(VENV); echo "The venv module is missing: apt-get install python3.11-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+# What only developers and the tests need; PyTorch, for the learning clients, is the largest of it.
+$(TOOLS): $(STAMP)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import living, seeing
+from benchmarks import asking, living, rendering, seeing, sweeping
 
 
 def main() -> int:
-    rows = [*seeing.rows(), *living.rows()]
+    rows = [*seeing.rows(), *living.rows(), *rendering.rows(), *sweeping.rows(), *asking.rows()]
     machine = {"processor": _processor(), "cores": os.cpu_count(), "python": platform.python_version()}
     file = Path(__file__).parent / "results.json"
     file.write_text(json.dumps({"rows": rows, "machine": machine}, indent=2) + "\n")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from testbed.scenario import Scenario
     from testbed.world.env import World
+    from testbed.world.focal import FocalWorld
 
 __version__ = "0.1.0"
 
@@ -28,7 +29,7 @@ def parallel_env(scenario: Scenario | Path | str = "whom_to_imitate", **options:
 
     Args:
         scenario: A scenario, the path of its file, or the name of a shipped one.
-        options: ``render_mode`` and ``backend``, see :class:`testbed.world.env.World`.
+        options: ``render_mode``, ``max_cycles``, ``images`` and ``backend``, see :class:`testbed.world.env.World`.
 
     Raises:
         testbed.errors.UserError: If the scenario cannot be used.
@@ -47,9 +48,37 @@ def env(scenario: Scenario | Path | str = "whom_to_imitate", **options: Any) -> 
     return OrderEnforcingWrapper(parallel_to_aec(parallel_env(scenario, **options)))
 
 
-def register() -> None:
-    """Make the world known to ``pettingzoo.make`` as ``testbed/whom_to_imitate-v0``."""
-    from pettingzoo import register as enter
+def focal_env(
+    scenario: Scenario | Path | str = "whom_to_imitate",
+    *,
+    hold: int = 1,
+    **options: Any,
+) -> FocalWorld:
+    """The same world for one agent: a Gymnasium environment of the student, its teachers played by their gaits.
 
-    enter("parallel", "testbed/whom_to_imitate-v0", parallel_env)
-    enter("aec", "testbed/whom_to_imitate-v0", env)
+    Args:
+        scenario: As for :func:`parallel_env`.
+        hold: See :class:`testbed.world.focal.FocalWorld`.
+        options: As for :func:`parallel_env`.
+
+    Raises:
+        testbed.errors.UserError: If the scenario cannot be used.
+    """
+    from testbed.world.focal import FocalWorld
+
+    return FocalWorld(parallel_env(scenario, **options), hold=hold)
+
+
+def register() -> None:
+    """Make the world known to ``pettingzoo.make`` and ``gymnasium.make`` as ``testbed/whom_to_imitate-v0``."""
+    import gymnasium
+    from pettingzoo.env_registry.registration import aec_registry, parallel_registry
+    from pettingzoo.env_registry.registration import register as enter
+
+    name = "testbed/whom_to_imitate-v0"
+    if name not in parallel_registry:
+        enter("parallel", name, parallel_env)
+    if name not in aec_registry:
+        enter("aec", name, env)
+    if name not in gymnasium.registry:
+        gymnasium.register(name, focal_env)

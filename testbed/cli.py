@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import Abort, Exit, TyperException
 
+from testbed import cli_results
 from testbed.errors import UserError, one_line, shown_path
 
 _STOPPED = 130  # 128 + SIGINT, as shells have it
@@ -32,8 +33,9 @@ app = typer.Typer(
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="FILE", help="A scenario file, or the name of a shipped one.")
 ]
-RunFolder = Annotated[
-    Path, typer.Argument(metavar="RUN", help="A run directory, as `testbed run` printed it.")
+RunFolders = Annotated[
+    list[Path],
+    typer.Argument(metavar="RUN...", help="A run directory, as `testbed run` printed it, or several."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs, and nothing else.")]
 
@@ -44,12 +46,22 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="The run directory; runs/<scenario>-<hash> by default.")
     ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(help="One of the scenario's splits, such as held_out; as it stands by default."),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed than the file's.")] = None,
     trials: Annotated[
         int | None, typer.Option(help="The total number of trials; finished ones are not computed again.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="How many processes compute; one a core by default.")
+        int | None, typer.Option(min=1, help="How many trials are computed at a time; one a core by default.")
+    ] = None,
+    executor: Annotated[
+        str, typer.Option(help="Who computes: processes on this machine, or a ray cluster.")
+    ] = "processes",
+    address: Annotated[
+        str | None, typer.Option(help="Of a running Ray cluster; one on this machine is started by default.")
     ] = None,
     smoke: Annotated[bool, typer.Option("--smoke", help="The same scenario cut down to seconds.")] = False,
     as_json: AsJson = False,
@@ -57,54 +69,66 @@ def run(
     """Run a scenario, or continue it; at the end come the verdicts and a report."""
     from testbed.console import display_on, summary_lines, verdict_table
     from testbed.experiment import runner
+    from testbed.experiment.jobs import jobs_of
     from testbed.experiment.run_directory import default_path
     from testbed.scenario import check, load_scenario, with_overrides
 
-    scenario = with_overrides(load_scenario(file), seed=seed, trials=trials, smoke=smoke)
+    scenario = with_overrides(load_scenario(file), split=split, seed=seed, trials=trials, smoke=smoke)
+    here = executor == "processes" and address is None
+    computing = None if here else runner.executor_for(workers, executor, address)
     check(scenario)
     path = out or default_path(scenario)
     screen = _console(stderr=as_json)
     with _traceback_kept_in(path), display_on(screen) as display:
-        outcome = runner.run(scenario, out=path, workers=workers or _cores(), display=display)
+        outcome = runner.run(
+            scenario, out=path, workers=workers or _cores(), executor=computing, display=display
+        )
         report = _report_of(path) if _anything(outcome.verdicts) else None
     if as_json:
         _print_json({"run": str(path), "report": report and str(report), **outcome.verdicts})
-    elif outcome.verdicts["verdicts"]:
-        screen.print(verdict_table(outcome.verdicts))
+    else:
+        if outcome.verdicts["verdicts"]:
+            screen.print(verdict_table(outcome.verdicts))
         for line in summary_lines(outcome.verdicts):
             screen.print(line, highlight=False, soft_wrap=True)
     if report and not as_json:
         screen.print(f"report: {shown_path(report)}", markup=False, highlight=False, soft_wrap=True)
+    if outcome.left_out and not as_json:
+        cells = list(dict.fromkeys(job.cell for job in outcome.left_out))
+        screen.print(
+            f"left out, as they cannot be: {_listed(cells)}", markup=False, highlight=False, soft_wrap=True
+        )
     if outcome.failed:
-        names = ", ".join(str(job) for job in outcome.failed[:5]) + (
-            ", ..." if len(outcome.failed) > 5 else ""
-        )
-        _complain(
-            f"{len(outcome.failed)} of {scenario.trials} trials failed ({names}); run it again to retry them"
-        )
+        total = len(jobs_of(scenario))
+        names = _listed([str(job) for job in outcome.failed])
+        _complain(f"{len(outcome.failed)} of {total} trials failed ({names}); run it again to retry them")
         raise Exit(1)
 
 
 @app.command(epilog="Example: testbed check my_scenario.yaml")
 def check(file: ScenarioFile, as_json: AsJson = False) -> None:
     """Look a scenario over without running it: says what is wrong, where, and how to mend it."""
+    from testbed.experiment.jobs import jobs_of
+    from testbed.scenario import cell_names, content_hash, in_split, load_scenario
     from testbed.scenario import check as check_scenario
-    from testbed.scenario import content_hash, load_scenario
 
     scenario = load_scenario(file)
-    check_scenario(scenario)
+    for variant in (scenario, *(in_split(scenario, split) for split in scenario.splits)):
+        check_scenario(variant)
     facts = {
         "scenario": scenario.name,
         "hash": content_hash(scenario),
         "teachers": len(scenario.teachers),
-        "trials": scenario.trials,
+        "cells": len(cell_names(scenario)),
+        "trials": len(jobs_of(scenario)),
     }
     if as_json:
         _print_json(facts)
     else:
         typer.echo(
             f"{scenario.name} is fine: {_count(len(scenario.teachers), 'teacher')}, "
-            f"{_count(scenario.trials, 'trial')}, hash {facts['hash']}"
+            + (f"{facts['cells']} cells, " if facts["cells"] != 1 else "")
+            + f"{_count(len(jobs_of(scenario)), 'trial')}, hash {facts['hash']}"
         )
 
 
@@ -160,8 +184,21 @@ def show(
 
 
 @app.command(epilog="Example: testbed report runs/whom_to_imitate-1a2b3c4d")
-def report(folder: RunFolder, as_json: AsJson = False) -> None:
-    """Write a run's report again, from what is on the disk."""
+def report(
+    folders: RunFolders,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Of several runs: the page's folder; runs/comparison-<hash> by default."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a run's report again; of several runs one page that holds their students against each other."""
+    if len(folders) > 1:
+        cli_results.compare(folders, out, as_json=as_json)
+        return
+    if out is not None:
+        raise UserError("the report of one run stands in its folder", "leave out --out, or give several runs")
+    (folder,) = folders
     from testbed.experiment import verdicts
     from testbed.experiment.run_directory import RunDirectory
     from testbed.experiment.runner import summed_up
@@ -176,6 +213,16 @@ def report(folder: RunFolder, as_json: AsJson = False) -> None:
         _print_json({"report": str(page)})
     else:
         typer.echo(f"report: {shown_path(page)}")
+
+
+app.command(epilog='Example: testbed query runs/verdict-1a2b3c4d "FROM verdicts WHERE verdict != truth"')(
+    cli_results.query
+)
+
+
+app.command(epilog="Example: testbed export runs/verdict-1a2b3c4d --out ~/.minari/datasets")(
+    cli_results.export
+)
 
 
 def main() -> None:
@@ -263,6 +310,10 @@ def _again(arguments: list[str]) -> str:
     import shlex
 
     return shlex.join(["testbed", *arguments])
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def _count(number: int, noun: str) -> str:

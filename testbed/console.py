@@ -75,6 +75,10 @@ class Bars:
         self._advance(job)
         self.notice(f"{job} failed: {why}; see {shown_path(file)}")
 
+    def left_out(self, job: Job, why: str) -> None:
+        """Count the trial; why it cannot be is told at the end."""
+        self._advance(job)
+
     def notice(self, text: str) -> None:
         """A line above the bars."""
         self._progress.console.print(escape(text), style="yellow", soft_wrap=True)
@@ -126,6 +130,10 @@ class Lines:
     def failed(self, job: Job, why: str, file: Path) -> None:
         """A line with the reason."""
         self._count(job, f"failed: {why}; see {shown_path(file)}")
+
+    def left_out(self, job: Job, why: str) -> None:
+        """A line with the reason."""
+        self._count(job, f"left out: {why}")
 
     def notice(self, text: str) -> None:
         """A line."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,18 @@ def rotation_z(angle: float) -> Vector:
     """A (4, 4) pose that only turns about z, counter-clockwise seen from above, in rad."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+def rotation_about(vector: Sequence[float]) -> Vector:
+    """A (4, 4) pose that only turns about a vector (3,), by its length in rad."""
+    angle = math.hypot(*vector)
+    if angle == 0:
+        return np.eye(4)
+    x, y, z = (component / angle for component in vector)
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    pose = np.eye(4)
+    pose[:3, :3] += math.sin(angle) * across + (1 - math.cos(angle)) * across @ across
+    return pose
 
 
 def tilt_of(quaternion: NDArray[np.floating]) -> Vector:

@@ -13,7 +13,6 @@ about its own y axis.
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Self
@@ -22,16 +21,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from testbed.documents import read_document, validate
-from testbed.errors import UserError
 from testbed.frames import rotation_y, rotation_z, translation
 from testbed.frozen import Frozen
-from testbed.parts import CappedCylinder, Cuboid, Part, Sphere, Vector
+from testbed.joints import Joint, mount_of
+from testbed.parts import CappedCylinder, Cuboid, Mesh, Part, Sphere, Vector
 from testbed.resources import robot_path
 
 __all__ = [
     "CappedCylinder",
     "Cuboid",
     "Joint",
+    "Mesh",
     "Morphology",
     "Part",
     "Sphere",
@@ -41,40 +41,6 @@ __all__ = [
     "rotation_z",
     "translation",
 ]
-
-
-class Joint(Frozen):
-    """A hinge with a servo between a parent and a child part."""
-
-    parent: str
-    child: str
-    angle_deg: float = Field(0.0, ge=-360, le=360, description="mounting angle about the parent's z axis")
-    along: float = Field(1.0, ge=0, le=1, description="place on a capped cylinder: 0 near end, 1 far end")
-    height: float = Field(0.0, ge=-1, le=1, description="metres above the parent's centre")
-    limits_deg: tuple[float, float] = Field((-90.0, 90.0), description="travel; the paper's [-90, 90]")
-    torque: float = Field(1.2, gt=0, le=100, description="N m; a standard hobby servo of 12 kg cm")
-    speed_deg: float = Field(
-        300.0, gt=0, le=3600, description="deg/s; a standard hobby servo: 60 deg in 0.2 s"
-    )
-
-    @model_validator(mode="after")
-    def _ordered_limits(self) -> Self:
-        low, high = self.limits_deg
-        if not -180 <= low < high <= 180:
-            raise ValueError(
-                f"limits_deg must be two rising angles within [-180, 180], not [{low:g}, {high:g}]"
-            )
-        return self
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Travel in rad."""
-        low, high = self.limits_deg
-        return math.radians(low), math.radians(high)
-
-    def scaled(self, factor: float) -> Self:
-        """The same hinge on a body ``factor`` times as large; torque grows as weight times length does."""
-        return self.model_copy(update={"height": self.height * factor, "torque": self.torque * factor**4})
 
 
 class Morphology(Frozen):
@@ -204,7 +170,7 @@ class Morphology(Frozen):
 
     def mount(self, joint: Joint) -> Vector:
         """Where a hinge sits in its parent's frame: a (4, 4) pose at joint angle zero."""
-        return _mount(self.parts[joint.parent], joint)
+        return mount_of(self.parts[joint.parent], joint)
 
     def poses(self, angles: Sequence[float] | Vector) -> dict[str, Vector]:
         """Forward kinematics: each part's (4, 4) pose in the root's frame at these joint angles (rad)."""
@@ -215,7 +181,7 @@ class Morphology(Frozen):
             if joint.parent not in poses:
                 pending.append((joint, angle))
                 continue
-            half_length = translation(self.parts[joint.child].length_along_x / 2, 0, 0)
+            half_length = translation(self.parts[joint.child].from_hinge, 0, 0)
             poses[joint.child] = (
                 poses[joint.parent] @ self.mount(joint) @ rotation_y(float(angle)) @ half_length
             )
@@ -224,28 +190,46 @@ class Morphology(Frozen):
     def resting_height(self) -> float:
         """Height of the root's centre, in metres, when the body at rest touches the ground at its lowest point."""
         flat = self.poses(self.rest)
-        return -min(_lowest(self.parts[name], pose) for name, pose in flat.items())
+        return -min(float(pose[2, 3]) + self.parts[name].span(pose[2, :3])[0] for name, pose in flat.items())
 
     def reach(self) -> tuple[float, float, float]:
         """Smallest and greatest x of the flat body and the greatest height it can reach, in metres, from the root."""
         flat = self.poses(np.zeros(len(self.joints)))  # stretched out, whether or not its joints let it
-        ends = [end for name, pose in flat.items() for end in _extent_x(self.parts[name], pose)]
+        ends = [pose[0, 3] + end for name, pose in flat.items() for end in self.parts[name].span(pose[0, :3])]
         limbs = sum(part.length_along_x for name, part in self.parts.items() if name != self.root)
-        return min(ends), max(ends), limbs + self.resting_height()
+        if any(isinstance(part, Mesh) for part in self.parts.values()):
+            limbs = self._longest_chain(self.root)
+        return float(min(ends)), float(max(ends)), limbs + self.resting_height()
+
+    def _longest_chain(self, part: str) -> float:
+        """How far (m) from a part's frame it and all that hangs on it can reach, whichever way its hinges turn."""
+        own = max(abs(end) for row in np.eye(3) for end in self.parts[part].span(row))
+        hung = [joint for joint in self.joints.values() if joint.parent == part]
+        places = [float(np.linalg.norm(self.mount(joint)[:3, 3])) for joint in hung]
+        return (
+            max(
+                own,
+                *(away + self._longest_chain(joint.child) for away, joint in zip(places, hung, strict=True)),
+            )
+            if hung
+            else own
+        )
 
 
 def load_robot(name: str | Path) -> Morphology:
     """A robot from its description.
 
     Args:
-        name: The name of a shipped robot (``crawler``), or the path of a YAML file.
+        name: The name of a shipped robot (``crawler``), or the path of a YAML or URDF file.
 
     Raises:
         UserError: If there is no such robot, or its description is wrong.
     """
     path = Path(name) if Path(name).suffix else robot_path(str(name))
     if path.suffix.lower() == ".urdf":
-        raise UserError("URDF files are not read yet", "describe the robot in YAML", file=path)
+        from testbed.urdf_bodies import read_urdf  # made of bodies; meshes are slow to load
+
+        return read_urdf(path.absolute())
     try:
         state = path.stat()
     except OSError:
@@ -257,35 +241,3 @@ def load_robot(name: str | Path) -> Morphology:
 def _read(path: Path, changed: int, size: int) -> Morphology:
     """The robot in a file; read anew when the file was changed, for scenarios name the same few over and over."""
     return validate(Morphology, read_document(path))
-
-
-def _mount(parent: Cuboid | Sphere | CappedCylinder, joint: Joint) -> Vector:
-    angle = math.radians(joint.angle_deg)
-    c, s = math.cos(angle), math.sin(angle)
-    if isinstance(parent, CappedCylinder):
-        place = (parent.length * (joint.along - 0.5), 0.0, joint.height)
-    elif isinstance(parent, Sphere):
-        place = (parent.radius * c, parent.radius * s, joint.height)
-    else:  # where a ray from the centre leaves the rectangle seen from above
-        half_x, half_y = parent.size[0] / 2, parent.size[1] / 2
-        distance = min(half_x / max(abs(c), 1e-12), half_y / max(abs(s), 1e-12))
-        place = (distance * c, distance * s, joint.height)
-    return translation(*place) @ rotation_z(angle)
-
-
-def _lowest(part: Cuboid | Sphere | CappedCylinder, pose: Vector) -> float:
-    return float(pose[2, 3] - _half_extent(part, pose[2, :3]))
-
-
-def _extent_x(part: Cuboid | Sphere | CappedCylinder, pose: Vector) -> tuple[float, float]:
-    half = _half_extent(part, pose[0, :3])
-    return float(pose[0, 3] - half), float(pose[0, 3] + half)
-
-
-def _half_extent(part: Cuboid | Sphere | CappedCylinder, row: Vector) -> float:
-    """Half of a part's extent along a world axis whose components in the part's frame are ``row``."""
-    if isinstance(part, Cuboid):
-        return float(np.abs(row) @ np.array(part.size) / 2)
-    if isinstance(part, Sphere):
-        return part.radius
-    return part.radius + abs(float(row[0])) * part.length / 2

@@ -11,10 +11,8 @@ leaks about 5 kB, so long searches re-use one simulation and never a process for
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -22,8 +20,8 @@ from numpy.typing import NDArray
 
 from testbed.frames import tilt_of
 from testbed.morphology import Morphology, Sphere, Vector
+from testbed.physics_bodies import Body, load_body, unload, unseen
 from testbed.silence import silence
-from testbed.urdf import to_urdf
 
 with silence():  # importing it prints its build time
     import pybullet
@@ -52,24 +50,13 @@ class PhysicsSpec:
     solver_iterations: int = 50
 
 
-@dataclass(frozen=True)
-class _Body:
-    number: int
-    morphology: Morphology
-    start: tuple[tuple[float, float, float], tuple[float, float, float, float]]
-    parts: tuple[str, ...]  # in Bullet's order: root, then its links
-    motors: tuple[int, ...]  # link number of every joint, in the morphology's order
-    torques: tuple[float, ...]
-    speeds: tuple[float, ...]
-
-
 class Simulation:
     """A ground plane and any number of named bodies. Use as a context manager, or call :meth:`close`."""
 
     def __init__(self, spec: PhysicsSpec | None = None) -> None:
         self.spec = spec or PhysicsSpec()
         self.client = pybullet.connect(pybullet.DIRECT)
-        self._bodies: dict[str, _Body] = {}
+        self._bodies: dict[str, Body] = {}
         self._locked: dict[str, dict[str, float]] = {}
         pybullet.setGravity(0, 0, -self.spec.gravity, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
@@ -79,15 +66,7 @@ class Simulation:
             physicsClientId=self.client,
         )
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
-        # Left to itself Bullet draws a chequered plane, which makes its renderer twenty times slower. The student's
-        # background is plain, so the ground's looks are a speck far below it.
-        speck = pybullet.createVisualShape(
-            pybullet.GEOM_SPHERE,
-            radius=1e-6,
-            visualFramePosition=(0, 0, -1000),
-            physicsClientId=self.client,
-        )
-        ground = pybullet.createMultiBody(0, plane, speck, physicsClientId=self.client)
+        ground = pybullet.createMultiBody(0, plane, unseen(self.client), physicsClientId=self.client)
         pybullet.changeDynamics(
             ground, -1, lateralFriction=self.spec.ground_friction, physicsClientId=self.client
         )
@@ -105,7 +84,14 @@ class Simulation:
             self.client = -1
 
     def add(
-        self, name: str, morphology: Morphology, *, place: tuple[float, float] = (0, 0), yaw: float = 0
+        self,
+        name: str,
+        morphology: Morphology,
+        *,
+        place: tuple[float, float] = (0, 0),
+        yaw: float = 0,
+        height: float = 0,
+        fixed: bool = False,
     ) -> None:
         """Put a body on the ground, lying flat.
 
@@ -114,41 +100,24 @@ class Simulation:
             morphology: Its body.
             place: Ground coordinates of the root's centre, in metres.
             yaw: Heading of the root's x axis, rad, counter-clockwise from above.
+            height: Of the unseen pedestal that it lies on, in metres; it carries nobody else.
+            fixed: Whether it stays where it is whatever happens; then it needs no pedestal.
         """
-        position = (*place, morphology.resting_height())
-        orientation = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-        with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
-            file = Path(folder) / "body.urdf"
-            file.write_text(to_urdf(morphology))
-            number = pybullet.loadURDF(
-                str(file),
-                position,
-                orientation,
-                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-                physicsClientId=self.client,
-            )
-        info = [
-            pybullet.getJointInfo(number, link, physicsClientId=self.client)
-            for link in range(pybullet.getNumJoints(number, physicsClientId=self.client))
-        ]
-        links = {joint[1].decode(): joint[0] for joint in info}
-        joints = morphology.joints
-        # Bullet gives a body's root the frame of its centre of mass; the rest is named by the child part.
-        self._bodies[name] = _Body(
-            number=number,
-            morphology=morphology,
-            start=(position, orientation),
-            parts=(morphology.root, *(joint[12].decode() for joint in info)),
-            motors=tuple(links[joint] for joint in joints),
-            torques=tuple(joint.torque for joint in joints.values()),
-            speeds=tuple(math.radians(joint.speed_deg) for joint in joints.values()),
+        self._bodies[name] = load_body(
+            self.client,
+            morphology,
+            place=place,
+            yaw=yaw,
+            height=height,
+            fixed=fixed,
+            ground_friction=self.spec.ground_friction,
         )
         self.reset(name)
 
     def remove(self, name: str) -> None:
         """Take a body out of the world."""
         self._locked.pop(name, None)
-        pybullet.removeBody(self._bodies.pop(name).number, physicsClientId=self.client)
+        unload(self.client, self._bodies.pop(name))
 
     def replace(self, name: str, morphology: Morphology) -> None:
         """Give a body another shape where it is, in the posture that it has; what is new of it is flat."""
@@ -250,6 +219,24 @@ class Simulation:
             return np.zeros(0)
         states = pybullet.getJointStates(body.number, body.motors, physicsClientId=self.client)
         return np.array([state[0] for state in states])
+
+    @property
+    def bodies(self) -> Mapping[str, Morphology]:
+        """The bodies by name, in the order in which they came."""
+        return {name: body.morphology for name, body in self._bodies.items()}
+
+    def frames(self, name: str) -> Vector:
+        """(parts, 7) position (m) and quaternion xyzw of the centre of each part, in the morphology's order."""
+        body = self._bodies[name]
+        poses = {body.parts[0]: self.base(name)}
+        if len(body.parts) > 1:
+            links = list(range(len(body.parts) - 1))
+            states = pybullet.getLinkStates(
+                body.number, links, computeForwardKinematics=1, physicsClientId=self.client
+            )
+            for part, state in zip(body.parts[1:], states, strict=True):
+                poses[part] = np.array([*state[0], *state[1]])
+        return np.array([poses[part] for part in body.morphology.parts])
 
     def speed(self, name: str) -> float:
         """How fast anything about the body moves: the largest of its angular and joint speeds, rad/s."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Sphere
+from testbed.morphology import Cuboid, Mesh, Morphology, Part, Sphere
 
 _CM = 100.0
 _GRAMS = 1000.0
@@ -34,8 +34,9 @@ def joint_table(body: Morphology) -> Table:
         table.add_column(heading)
     for name, joint in body.joints.items():
         low, high = joint.limits_deg
+        mounted = f"{joint.angle_deg:g} deg" if joint.frame is None else "its own frame"
         travel, torque = f"{low:g} to {high:g} deg", f"{joint.torque:.3g} N m"
-        table.add_row(name, joint.parent, joint.child, f"{joint.angle_deg:g} deg", travel, torque)
+        table.add_row(name, joint.parent, joint.child, mounted, travel, torque)
     return table
 
 
@@ -50,9 +51,11 @@ def plain_facts(body: Morphology) -> dict[str, Any]:
     }
 
 
-def _size(part: Cuboid | Sphere | CappedCylinder) -> str:
+def _size(part: Part) -> str:
     if isinstance(part, Cuboid):
         return " x ".join(f"{side * _CM:g}" for side in part.size) + " cm"
     if isinstance(part, Sphere):
         return f"r {part.radius * _CM:g} cm"
+    if isinstance(part, Mesh):
+        return " x ".join(f"{side * _CM:.3g}" for side in part.size) + " cm"
     return f"r {part.radius * _CM:g} cm, h {part.length * _CM:g} cm"

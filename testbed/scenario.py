@@ -20,9 +20,20 @@ import yaml
 from testbed.documents import Document, parse_document, plain_scalar, read_document, validate
 from testbed.errors import UserError
 from testbed.resources import robot_names, robot_path, scenario_path
+from testbed.robot_files import content_of
 from testbed.scenario_bodies import is_path
-from testbed.scenario_cells import cell_names, in_cell
-from testbed.scenario_check import check
+from testbed.scenario_cells import (
+    cell_names,
+    in_cell,
+    in_split,
+    may_be_left_out,
+    mind_names,
+    probed_cells,
+    split_names,
+    sweep_of,
+    trials_of,
+)
+from testbed.scenario_check import check, check_trial
 from testbed.scenario_drawing import check_ends, drawn
 from testbed.scenario_specs import (
     LARGEST_SEED,
@@ -50,13 +61,20 @@ __all__ = [
     "as_scenario",
     "cell_names",
     "check",
+    "check_trial",
     "content_hash",
     "drawn",
     "in_cell",
+    "in_split",
     "is_path",
     "load_scenario",
+    "may_be_left_out",
+    "mind_names",
     "parse_scenario",
     "resolve",
+    "split_names",
+    "sweep_of",
+    "trials_of",
     "with_overrides",
     "with_robot_files",
 ]
@@ -109,8 +127,9 @@ def _scenario(document: Document, path: Path) -> Scenario:
             raise UserError(what, "add a line such as 'name: my_scenario'", file=path, line=1) from None
         raise
     scenario._source = document.source
-    for cell in cell_names(scenario):
-        check_ends(in_cell(scenario, cell))
+    for variant in (scenario, *(in_split(scenario, split) for split in scenario.splits)):
+        for cell in probed_cells(variant):
+            check_ends(in_cell(variant, cell))
     return _with_robots_beside(scenario, path.parent)
 
 
@@ -120,7 +139,7 @@ def _with_robots_beside(scenario: Scenario, folder: Path) -> Scenario:
 
 
 def with_robot_files(scenario: Scenario, moved: Callable[[str], str]) -> Scenario:
-    """The scenario with every path of a robot replaced by ``moved(path)``; names of shipped robots stay."""
+    """The scenario with every path of a robot or recording replaced by ``moved(path)``; shipped robots' names stay."""
     data = scenario.template
     changed = _robots_replaced(data, lambda robot: moved(robot) if is_path(robot) else robot)
     if changed == data:
@@ -131,17 +150,21 @@ def with_robot_files(scenario: Scenario, moved: Callable[[str], str]) -> Scenari
 
 
 def _robots_replaced(data: Any, replace: Callable[[str], object], *, named: bool = False) -> Any:
-    """Plain data with every robot in them replaced, in choices, plans and cells too."""
-    if isinstance(data, dict):
-        return {
-            key: _robots_replaced(
-                value, replace, named=key in ("robot", "parts_of") or (named and key == "choice")
-            )
-            for key, value in data.items()
-        }
+    """Plain data with every robot in them replaced, in choices, plans, cells and sweeps too."""
     if isinstance(data, list):
         return [_robots_replaced(value, replace, named=named) for value in data]
-    return replace(data) if named and isinstance(data, str) else data
+    if not isinstance(data, dict):
+        return replace(data) if named and isinstance(data, str) else data
+    changed = {}
+    for key, value in data.items():
+        robots = key.rsplit(".", 1)[-1] in ("robot", "parts_of", "file") or (
+            named and key in ("choice", "values")
+        )
+        if robots and key == "values" and isinstance(value, dict):  # of a sweep, by name
+            changed[key] = {name: _robots_replaced(one, replace, named=True) for name, one in value.items()}
+        else:
+            changed[key] = _robots_replaced(value, replace, named=robots)
+    return changed
 
 
 def resolve(scenario: Scenario) -> str:
@@ -173,10 +196,12 @@ _Dumper.add_representer(str, _represent_text)
 def content_hash(scenario: Scenario) -> str:
     """Eight hexadecimal digits of what the scenario says, the robots' descriptions included.
 
-    ``trials`` is left out, also that of cells: it is a total, and a run with more of them continues. Comments, the
-    order of keys, spelled-out defaults and the folder that the files are in change nothing.
+    ``trials`` is left out, also that of cells: it is a total, and a run with more of them continues; so are the splits
+    but for the one that the scenario is. Comments, the order of keys, spelled-out defaults and the folder that the
+    files are in change nothing.
     """
     data = _robots_replaced(scenario.template, _robot_content)
+    data.pop("splits", None)  # what else could be run
     for counted in (data, *data.get("cells", {}).values()):
         counted.pop("trials", None)
     text = json.dumps(data, sort_keys=True, ensure_ascii=True)
@@ -188,24 +213,34 @@ def _robot_content(robot: str) -> object:
     if not is_path(robot) and robot not in robot_names():
         return robot  # no such robot: check() says so
     path = Path(robot) if is_path(robot) else robot_path(robot)
-    return read_document(path).data
+    return content_of(path)
 
 
 def with_overrides(
-    scenario: Scenario, *, seed: int | None = None, trials: int | None = None, smoke: bool = False
+    scenario: Scenario,
+    *,
+    split: str | None = None,
+    seed: int | None = None,
+    trials: int | None = None,
+    smoke: bool = False,
 ) -> Scenario:
     """The scenario with a command line's wishes.
 
     Args:
         scenario: What the file says.
+        split: One of its splits; the scenario as it stands if None.
         seed: Another seed, from 0 to 2**32 - 1.
         trials: Another total number of trials.
         smoke: Cut down to seconds: one trial (unless ``trials`` says otherwise), the student's smallest
-            parameters.
+            parameters, and of a sweep one value an axis.
 
     Raises:
-        UserError: If a number is out of range.
+        UserError: If a number is out of range, there is no such split, or the seed is another split's.
     """
+    others = {changes["seed"]: name for name, changes in scenario.splits.items() if name != split}
+    if split is not None:
+        others[scenario.seed] = scenario.split or ""
+        scenario = in_split(scenario, split)
     update: dict[str, object] = {}
     if smoke:
         student, *beside = (
@@ -213,9 +248,13 @@ def with_overrides(
         )
         update["student"], update["beside"] = student, tuple(beside)
         update["trials"] = 1
+        update["sweep"] = {name: block.smoke() for name, block in scenario.sweep.items()}
     if seed is not None:
         if not 0 <= seed <= LARGEST_SEED:
             raise UserError(f"seed {seed} is out of range", f"choose one between 0 and {LARGEST_SEED}")
+        if seed in others and seed != scenario.seed:
+            what = f"seed {seed} is that of the split '{others[seed]}'"
+            raise UserError(what, f"choose another, or give --split {others[seed]}")
         update["seed"] = seed
     if trials is not None:
         if trials < 1:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from testbed.morphology import Morphology
 
 MOST_LIMBS = 26
+_SUFFIXES = (".yaml", ".yml", ".urdf", ".csv", ".parquet")
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
@@ -65,8 +66,8 @@ Robot = Annotated[
 
 
 def is_path(robot: object) -> bool:
-    """Whether a scenario's ``robot`` is a file rather than the name of a shipped robot."""
-    return isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml", ".urdf")))
+    """Whether a scenario's ``robot`` is a file rather than the name of a shipped robot; recordings are files too."""
+    return isinstance(robot, str) and ("/" in robot or robot.endswith(_SUFFIXES))
 
 
 def body_of(robot: str | BodyPlan) -> Morphology:

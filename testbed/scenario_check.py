@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from testbed.document_errors import Place
 from testbed.documents import Source
 from testbed.errors import UserError, did_you_mean
-from testbed.scenario_cells import cell_names, in_cell
+from testbed.recording import read_recording
+from testbed.scenario_cells import in_cell, may_be_left_out, probed_cells
 from testbed.scenario_drawing import body_at, drawn, extremes
 from testbed.scenario_specs import RigSpec, Scenario
 from testbed.scenario_view import Ends, ends_of, half_width_deg, most_pan_error_deg, nearest_distance
@@ -20,8 +22,10 @@ if TYPE_CHECKING:
     from testbed.morphology import Morphology, Part, Vector
 
 _ROUNDING_DEG = 1e-6
+_ROUNDING = math.radians(_ROUNDING_DEG)
 _CLOSENESS = 1e-9  # metres
 _SAME_PLACE = 1e-3  # metres
+_SIGHT = 20.0  # metres; the rig sees no farther
 _POSE = (0.3, -0.4, 0.7, -0.6)  # rad; some pose in which no two different bodies look alike
 
 
@@ -37,14 +41,38 @@ def check(scenario: Scenario) -> None:
     Raises:
         UserError: For the first such mistake, with the line in the scenario's file and how to mend it.
     """
-    for cell in cell_names(scenario):
-        variant = in_cell(scenario, cell)
-        seen: list[Scenario] = []
-        trials = range(min(variant.trials, _TRIED_TRIALS))
-        for concrete in itertools.chain(extremes(variant), (drawn(variant, trial) for trial in trials)):
-            if concrete not in seen:
-                seen.append(concrete)
-                _check_concrete(concrete)
+    for cell in probed_cells(scenario):
+        try:
+            _check_cell(in_cell(scenario, cell))
+        except UserError as error:
+            if not may_be_left_out(scenario, cell):
+                raise _of_cell(error, scenario, cell) from None
+
+
+def check_trial(scenario: Scenario, cell: str, trial: int) -> None:
+    """Look at one trial of one cell, as :func:`check` does.
+
+    Raises:
+        UserError: As :func:`check` does.
+    """
+    _check_concrete(drawn(in_cell(scenario, cell), trial))
+
+
+def _check_cell(variant: Scenario) -> None:
+    seen: list[Scenario] = []
+    trials = range(min(variant.trials, _TRIED_TRIALS))
+    for concrete in itertools.chain(extremes(variant), (drawn(variant, trial) for trial in trials)):
+        if concrete not in seen:
+            seen.append(concrete)
+            _check_concrete(concrete)
+
+
+def _of_cell(error: UserError, scenario: Scenario, cell: str) -> UserError:
+    """The same mistake; in a sweep it says in which cell it is met."""
+    if not scenario.sweep:
+        return error
+    mend = f"{error.mend}, or leave such cells out with 'impossible: leave_out'"
+    return UserError(f"cell '{cell}': {error.what}", mend, file=error.file, line=error.line)
 
 
 def _check_concrete(scenario: Scenario) -> None:
@@ -56,6 +84,7 @@ def _check_concrete(scenario: Scenario) -> None:
         body_at(teacher, ("teachers", index, "robot"), source)
         for index, teacher in enumerate(scenario.teachers)
     ]
+    _check_drawable(student, bodies, scenario)
     from testbed.world.placement import placements, teacher_names  # the world is made of scenarios
 
     named = dict(zip(teacher_names(scenario), bodies, strict=True))
@@ -63,15 +92,32 @@ def _check_concrete(scenario: Scenario) -> None:
     ends = [ends_of(body, spots[name]) for name, body in named.items()]
     for index, body in enumerate(bodies):
         _check_gait(index, body, scenario)
-        _check_view(index, body, scenario)
-    _check_views_apart(ends, scenario)
+        if scenario.world.arrangement == "apart":
+            _check_view(index, body, scenario)
+    if scenario.world.arrangement == "apart":
+        _check_views_apart(ends, scenario)
     _check_student_apart(student, scenario)
+
+
+def _check_drawable(student: Morphology, teachers: Sequence[Morphology], scenario: Scenario) -> None:
+    """Not every renderer draws every body."""
+    if scenario.rig.renderer != "analytic":
+        return
+    from testbed.world.analytic import undrawable  # brings the compiler along
+
+    places: list[tuple[Place, Morphology]] = [(("student", "robot"), student)]
+    places += [(("teachers", index, "robot"), body) for index, body in enumerate(teachers)]
+    for place, body in places:
+        refusal = undrawable(body)
+        if refusal is not None:
+            raise scenario.source.error(place, refusal.what, refusal.mend)
 
 
 def _check_student_body(body: Morphology, scenario: Scenario) -> None:
     """What the reality gap and the damage say must be about joints and parts that the student has."""
     student, source = scenario.student, scenario.source
-    counts = {"servo_offset_deg": len(body.joints), "limb_length": len(body.joints), "tilt_bias_deg": 2}
+    counts = dict.fromkeys(("servo_offset_deg", "servo_lag", "limb_length"), len(body.joints))
+    counts["tilt_bias_deg"] = 2
     counts |= {"density": len(body.parts), "friction": len(body.parts)}
     for name, count in counts.items() if student.reality_gap else ():
         values = getattr(student.reality_gap, name)
@@ -92,13 +138,17 @@ def _check_genome(body: Morphology, source: Source) -> None:
     from testbed.student.body.self_model import BodyPrior, self_model, true_genome
 
     place: Place = ("student", "robot")
+    if any(part.shape == "mesh" for part in body.parts.values()):
+        what = f"robot '{body.name}' is made of meshes, of which the student knows nothing"
+        raise source.error(place, what, "give the student a robot of simple parts; meshes may teach")
     try:
         prior, genome = BodyPrior.of(body), true_genome(body)
     except UserError as error:
         raise source.error(place, error.what, error.mend) from None
     model = self_model(prior, genome)
     true, described = (_limbs_in(_POSE, one) for one in (body, model))
-    if np.abs(true - described).max() > _SAME_PLACE:
+    beside = any(joint.across or joint.frame for joint in body.joints.values())
+    if beside or np.abs(true - described).max() > _SAME_PLACE:
         what = f"the student's genome cannot describe how the limbs of robot '{body.name}' are joined"
         mend = "list the joints from the main body outward, hinges at the far end of their parent and at height 0"
         raise source.error(place, what, mend)
@@ -113,8 +163,12 @@ def _limbs_in(pose: tuple[float, ...], body: Morphology) -> Vector:
 def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
     source, gait = scenario.source, scenario.teachers[index].gait
     if gait.kind == "push" and body.joints:
-        what = f"the gait rolls robot '{body.name}', which has joints"
-        raise source.error(("teachers", index, "gait"), what, "roll a ball; others move by themselves")
+        what = f"the gait pushes robot '{body.name}', which has joints"
+        raise source.error(
+            ("teachers", index, "gait"), what, "push a ball or a box; others move by themselves"
+        )
+    if gait.file is not None:
+        _check_recording(index, gait.file, body, source)
     for name, motion in gait.joints.items():
         here: Place = ("teachers", index, "gait", "joints", name)
         if name not in body.joints:
@@ -127,6 +181,23 @@ def _check_gait(index: int, body: Morphology, scenario: Scenario) -> None:
                 f"but robot '{body.name}' turns it from {least:g} to {most:g}"
             )
             raise source.error(here, what, "lower amplitude_deg or shift centre_deg")
+
+
+def _check_recording(index: int, file: str, body: Morphology, source: Source) -> None:
+    """The joints that were recorded must be the body's, and within their travel."""
+    place: Place = ("teachers", index, "gait", "file")
+    for name, angles in read_recording(file).angles.items():
+        if name not in body.joints:
+            what = f"the recording moves joint '{name}', which robot '{body.name}' does not have"
+            raise source.error(place, what, did_you_mean(name, body.joints, kind="joints"))
+        low, high = body.joints[name].limits
+        least, most = float(angles.min()), float(angles.max())
+        if least < low - _ROUNDING or most > high + _ROUNDING:
+            what = (
+                f"the recording turns joint '{name}' from {math.degrees(least):g} to {math.degrees(most):g} degrees, "
+                f"robot '{body.name}' only from {math.degrees(low):g} to {math.degrees(high):g}"
+            )
+            raise source.error(place, what, "record it again, or use another robot")
 
 
 def _check_view(index: int, body: Morphology, scenario: Scenario) -> None:
@@ -162,7 +233,10 @@ def _check_views_apart(ends: list[Ends], scenario: Scenario) -> None:
             )
             if apart < needed:
                 what = f"teachers {earlier} and {later}, {apart:g} degrees apart, share a view"
-                mend = f"put their bearings at least {math.ceil(needed)} degrees apart"
+                mend = (
+                    f"put their bearings at least {math.ceil(needed)} degrees apart, or say 'world: "
+                    "{arrangement: free}'"
+                )
                 raise scenario.source.error(("teachers", later, "bearing_deg"), what, mend)
 
 
@@ -181,12 +255,14 @@ def _check_student_apart(student: Morphology, scenario: Scenario) -> None:
     if _in_view(centre, radius, rig):
         limit: Place = ("rig", "pan_limit_deg")
         place = limit if limit in source.lines and position not in source.lines else position
-        mend = "move student.position behind the rig or lower rig.pan_limit_deg"
+        mend = "move student.position behind the rig, or beyond 20 m, or lower rig.pan_limit_deg"
         raise source.error(place, f"{who} comes into the rig's view", mend)
 
 
 def _in_view(centre: Vector, radius: float, rig: RigSpec) -> bool:
     """Whether a disc on the ground is seen, in width, by either camera at some pan."""
+    if math.hypot(*centre) - radius > _SIGHT:
+        return False
     limit, half = math.radians(rig.pan_limit_deg), math.radians(rig.field_of_view_deg) / 2
     if abs(math.atan2(*centre)) <= limit:
         return True

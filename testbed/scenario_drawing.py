@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,7 +79,8 @@ def body_at(owner: StudentSpec | TeacherSpec, place: Place, source: Source) -> M
     except UserError as error:
         if error.file is not None and error.line is not None:
             raise  # the mistake is inside the robot's own file
-        raise source.error(place, error.what, error.mend) from None
+        what = error.what if error.file is None else f"{Path(error.file).name}: {error.what}"
+        raise source.error(place, what, error.mend) from None
 
 
 def _written_out(scenario: Scenario, data: dict[str, Any], trial: int) -> Scenario:
@@ -146,10 +148,11 @@ def drawn_gait(gait: GaitSpec, body: Morphology, rng: np.random.Generator) -> Ga
     ranges = gait.random
     period, speed = round(value_of(ranges.period, rng), 4), round(value_of(ranges.speed, rng), 4)
     form = ranges.wave_form.draw(rng) if isinstance(ranges.wave_form, Choice) else ranges.wave_form
+    common = {"period": period, "random": RandomWaves()}
     if not body.joints:
-        return GaitSpec(kind="push", speed=speed, period=period, when=gait.when)
+        return gait.model_copy(update={**common, "kind": "push", "speed": speed})
     waves = {name: _drawn_wave(joint, ranges, rng) for name, joint in body.joints.items()}
-    return GaitSpec(kind="cyclic", joints=waves, period=period, wave_form=form, when=gait.when)
+    return gait.model_copy(update={**common, "kind": "cyclic", "joints": waves, "wave_form": form})
 
 
 def _drawn_wave(joint: Joint, ranges: RandomWaves, rng: np.random.Generator) -> JointWave:
@@ -206,6 +209,7 @@ def _drawn_gap(gap: RealityGap, body: Morphology, seed: int, trial: int) -> Real
 
     return RealityGap(
         servo_offset_deg=values("servo_offset_deg", joints, 0.0),
+        servo_lag=tuple(map(abs, values("servo_lag", joints, 0.0))),
         limb_length=values("limb_length", joints, 1.0),
         density=values("density", parts, 1.0),
         friction=values("friction", parts, 1.0),

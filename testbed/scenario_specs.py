@@ -6,14 +6,17 @@ Every field has a default where a sensible one exists, so that a file states onl
 from __future__ import annotations
 
 import math
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from testbed.document_errors import mistake
 from testbed.documents import Source
 from testbed.scenario_base import LARGEST_SEED, STEP_TOLERANCE, Identifier, Spec, unit_field
+from testbed.scenario_clutter import MOST_CLUTTER, ClutterSpec
+from testbed.scenario_splits import DEVELOPMENT, check_splits
 from testbed.scenario_student import MindSpec, StudentSpec
+from testbed.scenario_sweep import SweepSpec, sweeps_by_name
 from testbed.scenario_teacher import MOST_TEACHERS, GaitSpec, JointWave, TeacherSpec
 from testbed.scenario_variation import middle, place_of, plain, replaced, spelled, varied
 from testbed.student.methods import STUDENT_METHODS
@@ -22,6 +25,7 @@ __all__ = [
     "LARGEST_SEED",
     "MOST_TEACHERS",
     "STUDENT_METHODS",
+    "ClutterSpec",
     "GaitSpec",
     "JointWave",
     "LightSpec",
@@ -66,6 +70,15 @@ class RigSpec(Spec):
     pan_limit_deg: float = Field(90.0, ge=0, le=180)
     pan_speed_deg: float = unit_field(90.0, "degrees/s", gt=0, le=3600)
     camera_noise: float = unit_field(2.0, "grey levels", ge=0, le=64, description="standard deviation")
+    blur: float = unit_field(
+        0.0, "pixels", ge=0, le=10, description="of the lens: standard deviation of a point's image"
+    )
+    gain: float = Field(
+        1.0, ge=0.1, le=10, description="exposure: all luminosity times this; 255 is as bright as it gets"
+    )
+    frame_drops: float = Field(
+        0.0, ge=0, le=0.95, description="share of stereo pairs that are lost on their way: the last one stays"
+    )
     light: LightSpec = LightSpec()
     background: int = unit_field(255, "grey levels", ge=0, le=255)
     supersample: int = Field(2, ge=1, le=8, description="rendered pixels per pixel, along each side")
@@ -75,6 +88,11 @@ class RigSpec(Spec):
         le=4.5,
         description="how far off its target the rig comes to rest: a standard deviation, drawn for each new target and "
         "never more than two of them, so that whom it looks at still notices",
+    )
+    renderer: Literal["tinyrenderer", "analytic"] = Field(
+        "tinyrenderer",
+        description="tinyrenderer: Bullet's; analytic: exact and many times as fast, for bodies without meshes and "
+        "textures, see testbed.world.analytic",
     )
     camera_rate: float = unit_field(15.0, "images/s", ge=0.001, le=1000)
 
@@ -90,6 +108,14 @@ class WorldSpec(Spec):
     tilt_noise_deg: float = Field(0.5, ge=0, le=45, description="standard deviation of the tilt sensor")
     gravity: float = unit_field(9.81, "m/s2", ge=0, le=100)
     ground_friction: float = Field(1.0, ge=0, le=5)
+    clutter: tuple[ClutterSpec, ...] = Field(
+        (), max_length=MOST_CLUTTER, description="things that are no robots"
+    )
+    arrangement: Literal["apart", "free"] = Field(
+        "apart",
+        description="apart: each teacher is seen whole and alone in the rig's view; free: they stand anywhere, in "
+        "front of each other, half in view or out of it",
+    )
 
     @property
     def physics_steps(self) -> int:
@@ -123,6 +149,16 @@ class Scenario(Spec):
     cells: dict[Identifier, dict[str, Any]] = Field(
         default_factory=dict,
         description="variants by name: what each says otherwise, see testbed.scenario_cells",
+    )
+    sweep: dict[Identifier, SweepSpec] = Field(
+        default_factory=dict, description="variants by the design, see testbed.scenario_sweep"
+    )
+    split: Identifier | None = Field(
+        None, description="what the scenario as it stands is called among its splits"
+    )
+    splits: dict[Identifier, dict[str, Any]] = Field(
+        default_factory=dict,
+        description="the same on other teachers and chances, by name, see testbed.scenario_splits",
     )
     variation: dict[str, Any] = Field(
         default_factory=dict,
@@ -161,9 +197,21 @@ class Scenario(Spec):
             spelled(place): raw for key in _MAY_VARY for place, raw in varied(data.get(key), (key,)).items()
         }
         data = {key: middle(value, (key,)) if key in _MAY_VARY else value for key, value in data.items()}
-        if isinstance(data.get("cells"), dict):
-            data["cells"] = {name: plain(cell) or {} for name, cell in data["cells"].items()}
+        for key in ("cells", "splits"):
+            if isinstance(data.get(key), dict):
+                data[key] = {name: plain(changes) or {} for name, changes in data[key].items()}
+        data["sweep"] = sweeps_by_name(data.get("sweep", {}))
+        if data.get("splits") and data.get("split") is None:
+            data["split"] = DEVELOPMENT
         return {**data, "variation": {**data.get("variation", {}), **found}} if found else data
+
+    @model_validator(mode="after")
+    def _variants_are_sound(self) -> Self:
+        if self.cells and self.sweep:
+            mend = "write the cells as values of an axis: {a: {...}, b: {...}}, or leave one out"
+            raise mistake("a scenario has either cells or a sweep", mend, at="sweep")
+        check_splits(self.split, self.seed, self.splits)
+        return self
 
     @property
     def template(self) -> dict[str, Any]:
@@ -198,13 +246,14 @@ class Scenario(Spec):
 
     @model_validator(mode="after")
     def _background_is_light(self) -> Self:
-        background = self.rig.background
+        background = min(255, self.rig.background * self.rig.gain)
         for index, mind in enumerate(self.minds):
             dark = mind.parameters.looking.dark_below
             place = "student" if index == 0 else f"beside.{index - 1}"
             if background <= dark:
                 key = f"{place}.parameters.looking.dark_below"
-                what = f"rig.background of {background} is not above {key} of {dark}"
+                exposed = "" if self.rig.gain == 1 else f" times rig.gain of {self.rig.gain:g}"
+                what = f"rig.background of {self.rig.background}{exposed} is not above {key} of {dark}"
                 mend = f"raise rig.background or lower {key}"
                 raise mistake(f"{what}: the student would take it for robots", mend, at="rig.background")
         return self

@@ -107,6 +107,10 @@ class RealityGap(Spec):
     """
 
     servo_offset_deg: Deviation = Field(0.0, description="each joint turns this much further than commanded")
+    servo_lag: Deviation = Field(
+        0.0,
+        description="s: each servo takes this much longer to begin; what is drawn below 0 counts as above",
+    )
     limb_length: Deviation = Field(0.0, description="factor - 1 of each limb's length; 0.1: some 10%")
     density: Deviation = Field(0.0, description="factor - 1 of each part's density")
     friction: Deviation = Field(0.0, description="factor - 1 of each part's friction")

@@ -29,7 +29,8 @@ def nearest_distance(body: Morphology, teacher: TeacherSpec, rig: RigSpec) -> fl
     ends = ends_of(body, placed(teacher, body))
     nearer = [(abs(x) + rig.baseline / 2) / across - (z - teacher.distance) for x, z in ends]
     _, _, highest = body.reach()
-    return max(*nearer, (highest - rig.height) / up, rig.height / up)
+    above, below = highest + teacher.height - rig.height, rig.height - teacher.height
+    return max(*nearer, above / up, below / up)
 
 
 def most_pan_error_deg(rig: RigSpec) -> float:

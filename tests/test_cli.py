@@ -60,8 +60,8 @@ def test_a_student_without_teachers_has_a_report_too(
 ) -> None:
     def alone(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
         result = compute(job, progress)
-        itself = {"kind": "self", "trial": job.trial, "cell": job.cell, "student": "like_me"}
-        return TrialResult((itself,), result.arrays)
+        names = {"kind": "self", "trial": job.trial, "cell": job.cell, "student": "like_me"}
+        return TrialResult(({**names, "topology_right": True},), result.arrays)
 
     monkeypatch.setattr(runner_module, "live", alone)
     out = str(tmp_path / "r")
@@ -268,3 +268,25 @@ def test_light_commands_answer_at_once(arguments: list[str]) -> None:
     assert "testbed.cli" in modules
     assert not {"numba", "pybullet", "pyarrow", "matplotlib", "scipy", "cv2", "pettingzoo"} & set(modules)
     assert min(elapsed) < 1.5  # 0.3 s on an idle machine
+
+
+def test_splits_and_executors_are_chosen_by_name_and_a_sweep_tells_its_cells(
+    say: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "x.yaml"
+    file.write_text(
+        "seed: 1\nstudent: like_me\nteachers: [{robot: crawler, gait: {kind: still}}]\n"
+        "sweep: {over: {rig.camera_noise: [2, 4, 6]}}\nsplits: {held_out: {seed: 9}}\n"
+    )
+    status, out, _ = say("check", str(file))
+    assert (status, out.startswith("x is fine: 1 teacher, 3 cells, 3 trials, hash ")) == (0, True)
+    for arguments, complaint in (
+        (("--split", "heldout"), "there is no split 'heldout'; did you mean 'held_out'?"),
+        (("--seed", "9"), "seed 9 is that of the split 'held_out'"),
+        (("--executor", "rai"), "there is no executor 'rai'; did you mean 'ray'?"),
+        (("--address", "here:1"), "processes are on this machine and have no address"),
+    ):
+        status, _, err = say("run", str(file), "--out", str(tmp_path / "run"), *arguments)
+        assert status == 2
+        assert complaint in err
+        assert len(err.strip().splitlines()) == 1

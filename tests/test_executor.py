@@ -38,6 +38,9 @@ class Heard:
         assert job not in self.results
         self.results[job] = result
 
+    def mistaken(self, job: Job, error: UserError) -> None:
+        raise error
+
     def failed(self, job: Job, why: str, details: str) -> None:
         assert job not in self.failures
         self.failures[job] = (why, details)

@@ -54,12 +54,8 @@ def test_a_sound_scenario_passes() -> None:
         (GOOD.replace("crawler", "crawlr"), 2, ["unknown robot 'crawlr'", "did you mean 'crawler'?"]),
         (GOOD + "student:\n  robot: craler", 5, ["unknown robot 'craler'", "did you mean 'crawler'?"]),
         (GOOD.replace("crawler", "./nobody.yaml"), 2, ["there is no such file"]),
-        (
-            GOOD.replace("crawler", "./mine.urdf"),
-            2,
-            ["URDF files are not read yet; describe the robot in YAML"],
-        ),
-        (GOOD + "student: {robot: mine.urdf}", 4, ["URDF files are not read yet"]),
+        (GOOD.replace("crawler", "./mine.urdf"), 2, ["mine.urdf", "there is no such file"]),
+        (GOOD + "student: {robot: mine.urdf}", 4, ["mine.urdf", "there is no such file"]),
         (
             "teachers:\n  - robot: crawler\n    gait:\n      joints:\n        joint_a: {}\n        joint_c: {}",
             6,

@@ -237,7 +237,7 @@ def test_random_damage_names_something_that_the_body_has() -> None:
 
 
 def test_a_ball_is_rolled_and_nobody_else() -> None:
-    with pytest.raises(UserError, match="rolls robot 'crawler', which has joints"):
+    with pytest.raises(UserError, match="pushes robot 'crawler', which has joints"):
         check(parse_scenario("teachers: [{robot: crawler, gait: roll}]"))
     check(parse_scenario("teachers: [{robot: ball, gait: roll}]"))
 

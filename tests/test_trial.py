@@ -16,6 +16,7 @@ from testbed.errors import UserError
 from testbed.experiment.record import Row, TrialResult
 from testbed.experiment.trial import live, run_trial, student_of
 from testbed.experiment.trial_report import match
+from testbed.experiment.witness import Witness
 from testbed.scenario import Scenario
 from testbed.scenario_student import RealityGap
 from testbed.student.agent import Student
@@ -145,7 +146,8 @@ def test_the_observations_alone_decide_what_the_student_does(hasty: Scenario, me
     world = World(hasty, backend=backend)
     seeds = np.random.SeedSequence(7)
     recorder = Recorder(student_of(hasty, seeds))
-    live(world, backend, recorder, seed=11)  # type: ignore[arg-type]
+    witness = Witness(hasty, backend)
+    live(world, backend, recorder, 11, witness)  # type: ignore[arg-type]
     world.close()
 
     elsewhere = hasty.world.model_copy(update={"ground_friction": 0.3, "gravity": 4.9, "tilt_noise_deg": 9.0})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from testbed.errors import UserError
 from testbed.experiment.jobs import Job
@@ -30,6 +30,9 @@ class Listener(Protocol):
     def finished(self, job: Job, result: TrialResult) -> None:
         """A trial is done; if this raises, the executor stops everything and passes it on."""
 
+    def mistaken(self, job: Job, error: UserError) -> None:
+        """A trial cannot be, for a mistake of the user's; if this raises, everything stops."""
+
     def failed(self, job: Job, why: str, details: str) -> None:
         """A trial ended without a result: ``why`` in one line, ``details`` with the traceback."""
 
@@ -41,7 +44,7 @@ class Executor(Protocol):
         """Compute every job and return when each has finished or failed; leaves no process behind.
 
         Raises:
-            UserError: If a trial raised it. The mistake would meet every other trial too, so all computing stops.
+            Exception: Whatever the listener raises; all computing then stops.
         """
 
 
@@ -57,12 +60,22 @@ class InProcessExecutor:
 
             try:
                 result = compute(job, progress)
-            except UserError:
-                raise
+            except UserError as error:
+                listener.mistaken(job, error)
             except Exception as error:
                 listener.failed(job, summary(error), traceback.format_exc())
             else:
                 listener.finished(job, result)
+
+
+def outcome_of(job: Job, compute: Compute, progress: Progress) -> tuple[Any, ...]:
+    """What became of a job, for a worker to send home: the name of a listener's method and its arguments."""
+    try:
+        return "finished", compute(job, progress)
+    except UserError as error:
+        return "mistaken", error
+    except Exception as error:
+        return "failed", summary(error), traceback.format_exc()
 
 
 def summary(error: BaseException) -> str:

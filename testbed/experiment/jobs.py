@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from testbed.scenario import Scenario, cell_names, in_cell
+from testbed.scenario import Scenario, cell_names, trials_of
 
 DEFAULT_CELL = "default"
 
@@ -23,5 +23,5 @@ class Job:
 def jobs_of(scenario: Scenario) -> tuple[Job, ...]:
     """Every trial that the scenario asks for, in the order in which results are listed."""
     return tuple(
-        Job(cell, trial) for cell in cell_names(scenario) for trial in range(in_cell(scenario, cell).trials)
+        Job(cell, trial) for cell in cell_names(scenario) for trial in range(trials_of(scenario, cell))
     )

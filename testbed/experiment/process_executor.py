@@ -12,17 +12,14 @@ import os
 import signal
 import threading
 import time
-import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from typing import Any
 
-from testbed.errors import UserError
-from testbed.experiment.executor import Compute, Listener, summary
+from testbed.experiment.executor import Compute, Listener, outcome_of
 from testbed.experiment.jobs import Job
 
 _ATTEMPTS = 2
@@ -116,11 +113,7 @@ def _ready(crew: Sequence[_Worker]) -> list[_Worker]:
 
 
 def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
-    """Hear one message; returns the job and the reason if the worker is lost.
-
-    Raises:
-        UserError: If the trial raised it.
-    """
+    """Hear one message; returns the job and the reason if the worker is lost."""
     job = worker.job
     assert job is not None  # only busy workers are listened to
     try:
@@ -132,12 +125,7 @@ def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
         listener.progressed(job, *message)
         return None
     worker.job = None
-    if kind == "finished":
-        listener.finished(job, *message)
-    elif kind == "mistaken":
-        raise message[0]
-    else:
-        listener.failed(job, *message)
+    getattr(listener, kind)(job, *message)
     return None
 
 
@@ -168,18 +156,9 @@ def _work(pipe: Connection, compute: Compute) -> None:
     while True:
         try:
             job: Job = pipe.recv()
-            pipe.send(_outcome(job, compute, pipe))
+            pipe.send(outcome_of(job, compute, _Reporter(pipe)))
         except (EOFError, OSError):
             return  # nobody listens any more
-
-
-def _outcome(job: Job, compute: Compute, pipe: Connection) -> tuple[Any, ...]:
-    try:
-        return "finished", compute(job, _Reporter(pipe))
-    except UserError as error:
-        return "mistaken", error
-    except Exception as error:
-        return "failed", summary(error), traceback.format_exc()
 
 
 class _Reporter:

@@ -25,11 +25,14 @@ _PACKAGES = (
     "pyarrow",
 )
 
+_RENDERERS = {"tinyrenderer": "TinyRenderer", "analytic": "analytic"}
+
 
 def describe(scenario: Scenario) -> dict[str, Any]:
     """Versions, source revision, machine, seed and physics, as plain data for ``provenance.json``."""
     return {
         "seed": scenario.seed,
+        "split": scenario.split,
         "python": platform.python_version(),
         "packages": _versions(),
         "source": source_revision(),
@@ -40,7 +43,7 @@ def describe(scenario: Scenario) -> dict[str, Any]:
         },
         "physics": {
             "engine": "Bullet",
-            "renderer": "TinyRenderer",
+            "renderer": _RENDERERS[scenario.rig.renderer],
             "physics_step": scenario.world.physics_step,
             "control_step": scenario.world.control_step,
             "gravity": scenario.world.gravity,

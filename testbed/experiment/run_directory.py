@@ -4,7 +4,7 @@
 
     <scenario>-<hash8>/
         scenario.resolved.yaml     everything, defaults filled in
-        robots/                    copies of the robots that the scenario gives by path
+        robots/                    copies of the robots and recordings that the scenario gives by path
         provenance.json            what computed it; written once
         trials/<cell>/<trial>.npz and .parquet
         verdicts.json  report.html  figures/  video/
@@ -28,6 +28,7 @@ from testbed.experiment.atomic import refused_writes_explained, sweep, write_tex
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
 from testbed.experiment.trial_files import DamagedError, decode_rows, encode
+from testbed.robot_files import copies_of
 from testbed.scenario import Scenario, content_hash, load_scenario, resolve, with_robot_files
 
 _LOCK = ".lock"
@@ -215,10 +216,13 @@ def _with_robots_kept(scenario: Scenario, folder: Path) -> Scenario:
     kept: dict[str, bytes] = {}
 
     def keep(robot: str) -> str:
-        name, contents = Path(robot).name, Path(robot).read_bytes()
-        if kept.setdefault(name, contents) != contents:
-            raise UserError(f"two different robots are in files named '{name}'", "rename one of the files")
-        return f"{_ROBOTS}/{name}"
+        copies = copies_of(Path(robot))
+        for name, contents in copies.items():
+            if kept.setdefault(name, contents) != contents:
+                raise UserError(
+                    f"two different robots are in files named '{name}'", "rename one of the files"
+                )
+        return f"{_ROBOTS}/{next(iter(copies))}"
 
     relative = with_robot_files(scenario, keep)
     for name, contents in kept.items():

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from testbed.errors import UserError, did_you_mean
 from testbed.experiment import provenance, verdicts
 from testbed.experiment.executor import Compute, Executor, InProcessExecutor, Progress
 from testbed.experiment.jobs import Job, jobs_of
 from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.record import TrialResult
 from testbed.experiment.run_directory import RunDirectory, default_path
-from testbed.scenario import Scenario
+from testbed.scenario import Scenario, cell_names, check_trial, may_be_left_out, sweep_of
+
+EXECUTORS = ("processes", "ray")
 
 
 class Display(Protocol):
@@ -31,6 +35,9 @@ class Display(Protocol):
 
     def failed(self, job: Job, why: str, file: Path) -> None:
         """A trial failed; the traceback is in ``file``."""
+
+    def left_out(self, job: Job, why: str) -> None:
+        """A trial cannot be, and the scenario says that this is no failure."""
 
     def notice(self, text: str) -> None:
         """Something that the user should know, in one line."""
@@ -51,6 +58,9 @@ class Quiet:
     def failed(self, job: Job, why: str, file: Path) -> None:
         """Nothing."""
 
+    def left_out(self, job: Job, why: str) -> None:
+        """Nothing."""
+
     def notice(self, text: str) -> None:
         """Nothing."""
 
@@ -63,11 +73,14 @@ class Outcome:
         path: The run directory.
         verdicts: The contents of ``verdicts.json``, of every trial that finished.
         failed: The trials that did not finish; running again tries them again.
+        left_out: The trials of a sweep that cannot be, and may: see ``impossible`` of
+            :class:`testbed.scenario_sweep.SweepSpec`.
     """
 
     path: Path
     verdicts: dict[str, Any]
     failed: tuple[Job, ...]
+    left_out: tuple[Job, ...] = ()
 
 
 def run(
@@ -75,6 +88,7 @@ def run(
     *,
     out: Path | None = None,
     workers: int = 1,
+    executor: Executor | None = None,
     display: Display | None = None,
     compute: Compute | None = None,
 ) -> Outcome:
@@ -84,12 +98,14 @@ def run(
         scenario: What to run; ``scenario.trials`` is the total, trials of earlier runs included.
         out: The run directory; ``runs/<scenario>-<hash8>`` by default.
         workers: How many processes; 1 computes in this one.
+        executor: Who computes; by default so many processes.
         display: Shows progress.
         compute: Computes one trial; the student's whole life by default.
 
     Raises:
-        UserError: If the run directory cannot be used, the disk fills up, or a trial meets a mistake of the user's,
-            which every other trial would meet as well. Finished trials are kept.
+        UserError: If the run directory cannot be used, the disk fills up, or a trial of a scenario without cells
+            meets a mistake of the user's, which every other trial would meet as well. A mistake in one of several
+            cells is a failure of its trials. Finished trials are kept.
     """
     display = display or Quiet()
     compute = compute or functools.partial(live, scenario)
@@ -101,21 +117,43 @@ def run(
         remaining = [job for job in jobs if job not in finished]
         display.started(path, len(jobs), len(finished))
         recorder = _Recorder(directory, display)
-        executor_for(min(workers, len(remaining))).run(remaining, compute, recorder)
+        executor = executor or executor_for(min(workers, len(remaining)))
+        executor.run(remaining, compute, recorder)
         contents = summed_up(directory)
         verdicts.write(path, contents)
-        return Outcome(path, contents, tuple(recorder.lost))
+        return Outcome(path, contents, tuple(recorder.lost), tuple(recorder.left_out))
 
 
 def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
     """Compute one trial: the student discovers itself, looks, imitates and decides."""
     from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
 
+    if scenario.sweep:
+        check_trial(scenario, job.cell, job.trial)  # the check before the run looks at some cells only
     return run_trial(scenario, job.trial, progress, cell=job.cell)
 
 
-def executor_for(workers: int) -> Executor:
-    """The executor for this many workers."""
+def executor_for(workers: int | None, kind: str = "processes", address: str | None = None) -> Executor:
+    """The executor for this many workers.
+
+    Args:
+        workers: How many at a time; None: as many as there are cores.
+        kind: One of ``EXECUTORS``.
+        address: Of a running Ray cluster.
+
+    Raises:
+        UserError: If there is no such executor, or the address is not for it.
+    """
+    if kind not in EXECUTORS:
+        what = f"there is no executor '{kind}'"
+        raise UserError(what, did_you_mean(kind, EXECUTORS, kind="executors"))
+    if kind == "ray":
+        from testbed.experiment.ray_executor import RayExecutor
+
+        return RayExecutor(workers, address)
+    if address is not None:
+        raise UserError("processes are on this machine and have no address", "add '--executor ray'")
+    workers = workers or len(os.sched_getaffinity(0))
     return ProcessExecutor(workers) if workers > 1 else InProcessExecutor()
 
 
@@ -128,7 +166,14 @@ def summed_up(directory: RunDirectory) -> dict[str, Any]:
     jobs = [job for job in jobs_of(directory.scenario) if directory.is_finished(job)]
     rows = [row for job in jobs for row in directory.read_rows(job)]
     scenario = directory.scenario
-    return verdicts.document(scenario.name, directory.hash8, rows, scenario.seed)
+    return verdicts.document(
+        scenario.name,
+        directory.hash8,
+        rows,
+        scenario.seed,
+        split=scenario.split,
+        sweep=verdicts.sweep_rows(sweep_of(scenario)),
+    )
 
 
 class _Recorder:
@@ -139,10 +184,22 @@ class _Recorder:
         self._display = display
         self.progressed: Callable[[Job, str, int, int], None] = display.progressed
         self.lost: list[Job] = []
+        self.left_out: list[Job] = []
+        self._alone = len(cell_names(directory.scenario)) == 1
 
     def finished(self, job: Job, result: TrialResult) -> None:
         self._directory.write_trial(job, result)
         self._display.finished(job)
+
+    def mistaken(self, job: Job, error: UserError) -> None:
+        if self._alone:
+            raise error
+        if not may_be_left_out(self._directory.scenario, job.cell):
+            self.failed(job, str(error), f"{error}\n")
+            return
+        self.left_out.append(job)
+        self._directory.write_error(job, f"{error}\n")
+        self._display.left_out(job, str(error))
 
     def failed(self, job: Job, why: str, details: str) -> None:
         self.lost.append(job)

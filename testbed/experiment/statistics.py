@@ -73,8 +73,15 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
         ValueError: If ``n`` < 1 or ``successes`` is not within 0..n.
     """
     _check_count(successes, n)
+    return wilson_of(successes / n, n, confidence)
+
+
+def wilson_of(share: float, n: float, confidence: float = 0.95) -> Interval:
+    """Wilson's score interval of a share of ``n`` independent pieces of evidence, which need not be a whole number."""
     z = float(stats.norm.ppf(0.5 + confidence / 2))
-    return _wilson(successes / n, n, z)
+    centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    return Interval(max(0.0, centre - half), min(1.0, centre + half))
 
 
 def auc(scores: ArrayLike, positive: ArrayLike) -> float | None:
@@ -124,7 +131,7 @@ def auc_interval(
     areas = areas_of(drawn, wins, positives, negatives)
     low, high = quantiles(areas[np.isfinite(areas)], confidence)
     if high - low < 1e-12:
-        low, high = _wilson(area, count, float(stats.norm.ppf(0.5 + confidence / 2)))
+        low, high = wilson_of(area, count, confidence)
     return Interval(low, high)
 
 
@@ -262,12 +269,6 @@ def quantiles(values: Vector, confidence: float) -> Interval:
     """The interval that holds the middle ``confidence`` of the values."""
     low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
     return Interval(float(low), float(high))
-
-
-def _wilson(share: float, n: int, z: float) -> Interval:
-    centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    return Interval(max(0.0, centre - half), min(1.0, centre + half))
 
 
 def _check_count(successes: int, n: int) -> None:

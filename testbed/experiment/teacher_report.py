@@ -14,10 +14,11 @@ from testbed.experiment.record import Row
 from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
 from testbed.student.agent import Candidate
+from testbed.student.forms import Modelled
 from testbed.student.mind import Judgement
 from testbed.student.moving.rolls import read_rolls
-from testbed.student.phases import Modelled
 from testbed.student.seeing.embodied import Embodiment
+from testbed.student.seeing.glance import Glance
 from testbed.student.seeing.joint_fit import JointFit
 from testbed.student.seeing.teacher_modelling import TeacherRecord
 from testbed.vision.camera import StereoRig
@@ -49,6 +50,7 @@ def _ends_of(name: str) -> tuple[str, str]:
 
 
 OF_A_FOUND_TEACHER = (
+    "crowded",
     "probability",
     "reason",
     "controller_verdict",
@@ -87,16 +89,16 @@ def candidate_arrays(
             for shown in log["time/exposed"][steps - 1]
         ]
     )
-    imitation = judgement.imitation
-    middle = len(imitation.errors) // 2
-    arrays: Arrays = {
-        "candidate_bearing": np.array(candidate.bearing),
-        "controller_weights": imitation.weights,
-        "controller_error": imitation.errors,
-        "teacher_rolls": imitation.teacher_rolls,
-        "self_rolls": np.stack([imitation.responses[i] for i in (0, middle, -1)]),
-        "order": imitation.order,
-    }
+    arrays: Arrays = {"candidate_bearing": np.array(candidate.bearing)}
+    if (imitation := judgement.imitation) is not None:
+        middle = len(imitation.errors) // 2
+        arrays |= {
+            "controller_weights": imitation.weights,
+            "controller_error": imitation.errors,
+            "teacher_rolls": imitation.teacher_rolls,
+            "self_rolls": np.stack([imitation.responses[i] for i in (0, middle, -1)]),
+            "order": imitation.order,
+        }
     if isinstance(judgement.model, TeacherRecord):
         kept = np.arange(len(steps))
         rig = rig_of(scenario)
@@ -104,7 +106,8 @@ def candidate_arrays(
         arrays["controller_objective"] = _controller_objective(judgement, body, true_parts)
     else:
         kept = _kept(judgement.model)
-        arrays |= _motion_arrays(judgement, body, true_parts)
+        if not isinstance(judgement.model, Glance):
+            arrays |= _motion_arrays(judgement, body, true_parts)
         if isinstance(judgement.model, Embodiment):
             arrays |= _explanations(judgement.model, kept)
     arrays["look_steps"] = steps[kept]
@@ -121,10 +124,13 @@ def candidate_row(judgement: Judgement, arrays: Arrays) -> Row:
         "score": verdict.score,
         "probability": verdict.probability,
         "reason": verdict.reason,
-        "controller_verdict": controller.answer,
-        "controller_score": controller.score,
-        "controller_probability": controller.probability,
     }
+    if controller is not None:
+        row |= {
+            "controller_verdict": controller.answer,
+            "controller_score": controller.score,
+            "controller_probability": controller.probability,
+        }
     if isinstance(judgement.model, JointFit):
         row["explained"] = judgement.model.explained
     if isinstance(judgement.model, Embodiment):
@@ -168,16 +174,11 @@ def _paper_arrays(model: TeacherRecord, true_parts: Vector, rig: StereoRig) -> A
     }
 
 
-def _in_motor_order(true_parts: Vector, body: Morphology) -> Vector:
-    """The true parts (F, n, 8), main body and limbs in motor order: as the student's own parts are."""
-    names = list(body.parts)
-    order = [names.index(body.root), *(names.index(joint.child) for joint in body.joints.values())]
-    return true_parts[:, order]
-
-
 def _controller_objective(judgement: Judgement, body: Morphology, true_parts: Vector) -> Vector:
     imitation = judgement.imitation
-    true_rolls = _in_motor_order(true_parts, body)[..., OMEGA]
+    if imitation is None:
+        return np.empty(0)
+    true_rolls = true_parts[:, truth.in_motor_order(body)][..., OMEGA]
     if true_rolls.shape[1] != imitation.teacher_rolls.shape[1]:
         return np.full(len(imitation.errors), np.nan)  # other parts than the student's: nothing to compare
     objective = np.empty(len(imitation.errors))
@@ -199,9 +200,11 @@ def _motion_arrays(judgement: Judgement, body: Morphology, true_parts: Vector) -
     model = judgement.model
     position, roll = motion_errors(model.motion.parts, true_parts)
     imitated = np.full_like(roll, math.nan)
-    if roll.shape[1] == true_parts.shape[1]:
+    if roll.shape[1] == true_parts.shape[1] and judgement.imitation is not None:
         seen = model.motion.parts[:, judgement.imitation.order, OMEGA]
-        imitated = np.abs(read_rolls(seen - _in_motor_order(true_parts, body)[..., OMEGA], "half_turn"))
+        imitated = np.abs(
+            read_rolls(seen - true_parts[:, truth.in_motor_order(body)][..., OMEGA], "half_turn")
+        )
     return {
         "motion_times": model.motion.times,
         "motion_parts": model.motion.parts,

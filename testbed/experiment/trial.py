@@ -12,10 +12,11 @@ from testbed.experiment.jobs import DEFAULT_CELL
 from testbed.experiment.record import TrialResult
 from testbed.experiment.teacher_report import rig_of
 from testbed.experiment.trial_report import report_trial
-from testbed.morphology import Vector
+from testbed.experiment.witness import Witness
 from testbed.scenario import Scenario, drawn, in_cell
 from testbed.student.agent import Student
 from testbed.student.body.self_model import BodyPrior
+from testbed.student.insider import Insider
 from testbed.student.senses import Progress, Senses
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
@@ -41,12 +42,13 @@ def run_trial(
         cell: Which of the scenario's cells. The same trial of another cell has the same chances.
     """
     here = drawn(in_cell(scenario, cell), trial)
-    world_seed, student_seed = np.random.SeedSequence([scenario.seed, trial]).spawn(2)
+    world_seed, student_seeds = seeds_of(scenario, trial)
     backend = SimulatedBackend(here)
     world = World(here, backend=backend)
     try:
-        student = student_of(here, student_seed, progress)
-        log = live(world, backend, student, int(world_seed.generate_state(1)[0]))
+        witness = Witness(here, backend)
+        student = student_of(here, student_seeds, progress, witness.insider())
+        log = live(world, backend, student, world_seed, witness)
     finally:
         world.close()
     assert student.life is not None
@@ -54,10 +56,21 @@ def run_trial(
     return report_trial(here, trial, cell, bodies, student.life, log)
 
 
-def student_of(scenario: Scenario, seeds: np.random.SeedSequence, progress: Progress = silent) -> Student:
-    """The scenario's student, with all the minds that it has."""
+def seeds_of(scenario: Scenario, trial: int) -> tuple[int, np.random.SeedSequence]:
+    """What is left to chance in a trial: of the world, and of the student."""
+    world, student = np.random.SeedSequence([scenario.seed, trial]).spawn(2)
+    return int(world.generate_state(1)[0]), student
+
+
+def student_of(
+    scenario: Scenario,
+    seeds: np.random.SeedSequence,
+    progress: Progress = silent,
+    insider: Insider | None = None,
+) -> Student:
+    """The scenario's student, with all the minds that it has; an insider is for baselines among them."""
     prior = BodyPrior.of(scenario.student.body())
-    return Student(prior, senses_of(scenario), scenario.minds, seeds, progress)
+    return Student(prior, senses_of(scenario), scenario.minds, seeds, progress, insider)
 
 
 def senses_of(scenario: Scenario) -> Senses:
@@ -71,7 +84,7 @@ def senses_of(scenario: Scenario) -> Senses:
     )
 
 
-def live(world: World, backend: SimulatedBackend, student: Student, seed: int) -> Arrays:
+def live(world: World, backend: SimulatedBackend, student: Student, seed: int, witness: Witness) -> Arrays:
     """Everybody acts until the student is done; returns the truth about everybody at the start and after each step."""
     control_step = world.scenario.world.control_step
     policies = {
@@ -79,29 +92,16 @@ def live(world: World, backend: SimulatedBackend, student: Student, seed: int) -
         for name, teacher in zip(teacher_names(world.scenario), world.scenario.teachers, strict=True)
     }
     observations, _ = world.reset(seed=seed)
-    # What the student senses at its n-th action is the state with index n - 1.
-    states: dict[str, list[tuple[Vector, Vector]]] = {name: [backend.state(name)] for name in backend.robots}
-    exposed, pans = [backend.exposed], [backend.pan]
+    witness.note()
     while world.agents and not student.done:
         actions: Arrays = {name: policy.act(observations[name]) for name, policy in policies.items()}
         actions[STUDENT] = student.act(observations[STUDENT])
         observations, *_ = world.step(actions)
-        for name, states_of in states.items():
-            states_of.append(backend.state(name))
-        exposed.append(backend.exposed)
-        pans.append(backend.pan)
+        witness.note(actions[STUDENT])
     if not student.done:
         raise world.scenario.source.error(
             ("world", "max_cycles"),
             f"the student was not done after world.max_cycles = {world.scenario.world.max_cycles} steps",
             "give it more; with the default parameters a life takes some 3000",
         )
-    log: Arrays = {
-        "time/control_step": np.array(control_step),
-        "time/exposed": np.array(exposed),
-        "truth/pan": np.array(pans),
-    }
-    for name, states_of in states.items():
-        log[f"truth/{name}/base"] = np.array([base for base, _ in states_of])
-        log[f"truth/{name}/joints"] = np.array([joints for _, joints in states_of])
-    return log
+    return witness.log()

@@ -28,6 +28,7 @@ Arrays (T is a teacher such as ``teacher_0``; k parts, F frames, P passes, I ite
 ``perform/path``               (steps+1, 3)    m, the student's main body
 ``truth/A/base``, ``joints``   (t, 7), (t, n)  every agent's state at the start and after each step: m, quaternion; rad
 ``truth/pan``                  (t,)            where the rig really looked, rad
+``truth/student/actions``      (t-1, n+1)      what the student did: joint targets and the pan, rad
 ``time/control_step``          ()              s
 ``time/exposed``               (t,)            index of the state that the newest stereo pair shows
 =============================  ==============  ==================================================================
@@ -149,6 +150,7 @@ def report_trial(
                 made = candidate_arrays(candidate, judgement, bodies[name], scenario, log, name)
                 arrays |= {f"{prefix}{name}/{key}": value for key, value in made.items()}
                 row |= candidate_row(judgement, made)
+                row["crowded"] = candidate.crowded
                 if mind.name == life.leader and life.again:  # with the body that it has left
                     row["verdict_since"] = life.again[seen[name]].verdict.answer
                 if mind.name == life.leader and life.chosen == seen[name]:
@@ -169,7 +171,8 @@ def match(candidates: tuple[Candidate, ...], scenario: Scenario) -> dict[str, in
             for teacher in scenario.teachers
         ]
     ).reshape(len(scenario.teachers), len(candidates))
-    pairs = zip(*linear_sum_assignment(gaps), strict=True)
+    # However far nobody's candidates are from everybody, they must not push others out of place.
+    pairs = zip(*linear_sum_assignment(np.minimum(gaps, _MISSED_BY)), strict=True)
     names = teacher_names(scenario)
     return {names[teacher]: int(seen) for teacher, seen in pairs if gaps[teacher, seen] < _MISSED_BY}
 

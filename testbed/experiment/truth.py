@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Part, Sphere, Vector
+from testbed.morphology import CappedCylinder, Cuboid, Joint, Mesh, Morphology, Part, Sphere, Vector
 from testbed.student.moving.rolls import headings, read_rolls, roll_of
 from testbed.vision.camera import StereoRig
 from testbed.vision.kernel import render
@@ -29,8 +29,8 @@ _MOVES = 10.0
 def is_like(student: Morphology, teacher: Morphology) -> bool:
     """Whether a teacher is appropriate: the same parts joined in the same way, whatever its size.
 
-    Parts are compared by their place in the tree and their shape, mounting angles after rounding to a degree, joints
-    by whether they move at all.
+    Parts are compared by their place in the tree and their shape, mounting angles after rounding to a degree, where a
+    hinge sits beside the middle by tenths of the part that carries it, joints by whether they move at all.
     """
     return _plan(student) == _plan(teacher)
 
@@ -38,13 +38,23 @@ def is_like(student: Morphology, teacher: Morphology) -> bool:
 def _plan(body: Morphology) -> tuple[object, ...]:
     def branch(part: str) -> tuple[object, ...]:
         limbs = sorted(
-            (round(joint.angle_deg) % 360, round(joint.along, 2), _moves(joint), branch(joint.child))
+            (*_place(joint, body.parts[part]), _moves(joint), branch(joint.child))
             for joint in body.joints.values()
             if joint.parent == part
         )
         return (body.parts[part].shape, *limbs)
 
     return branch(body.root)
+
+
+def _place(joint: Joint, parent: Part) -> tuple[float, ...]:
+    """Where a hinge sits on its parent, whatever the size: lengths in tenths of the parent's."""
+    if joint.frame is not None:
+        x, y, z, *turn = joint.frame
+        lengths = (round(10 * length / parent.length_along_x) for length in (x, y, z))
+        return (*lengths, *(round(math.degrees(angle)) for angle in turn))
+    lengths = (round(10 * length / parent.length_along_x) for length in (joint.across, joint.height))
+    return (round(joint.angle_deg) % 360, round(joint.along, 2), *lengths)
 
 
 def _moves(joint: Joint) -> bool:
@@ -83,6 +93,12 @@ def _limb_centres(body: Morphology, posture: Vector) -> list[Vector]:
     return [poses[joint.child][:3, 3] for joint in body.joints.values()]
 
 
+def in_motor_order(body: Morphology) -> list[int]:
+    """The places of a body's parts, main body first and limbs in motor order: as the student's own parts are."""
+    names = list(body.parts)
+    return [names.index(body.root), *(names.index(joint.child) for joint in body.joints.values())]
+
+
 def parts_in_view(body: Morphology, base: Vector, joints: Vector, *, eye_height: float, pan: float) -> Vector:
     """A body's true parts as the rig would describe them: (parts, 8) like Eq. 2, metres and rad, rig frame.
 
@@ -100,15 +116,19 @@ def parts_in_view(body: Morphology, base: Vector, joints: Vector, *, eye_height:
     directions = headings(body, base[None], joints[None])[0]
     described = []
     for (name, pose), heading in zip(body.poses(joints).items(), directions, strict=True):
-        centre = (root @ pose)[:3, 3]
+        part = body.parts[name]
+        middle = np.mean(part.box, axis=0) * part.factor if isinstance(part, Mesh) else np.zeros(3)
+        centre = (root @ pose @ [*middle, 1.0])[:3]
         roll = float(roll_of(heading, right))
-        shape, sizes = _shape_and_sizes(body.parts[name])
+        shape, sizes = _shape_and_sizes(part)
         described.append([shape, centre @ right, eye_height - centre[2], centre @ forward, roll, *sizes])
     return np.array(described)
 
 
 def _shape_and_sizes(part: Part) -> tuple[int, tuple[float, float, float]]:
     if isinstance(part, Cuboid):
+        return CUBOID, part.size
+    if isinstance(part, Mesh):
         return CUBOID, part.size
     if isinstance(part, Sphere):
         return SPHERE, (part.radius, 0.0, 0.0)

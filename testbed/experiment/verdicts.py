@@ -15,8 +15,17 @@ import numpy as np
 
 from testbed.experiment.atomic import write_text
 from testbed.experiment.calibration import calibration_error, calibration_interval
+from testbed.experiment.regret import regrets
 from testbed.experiment.roc import Scored
-from testbed.experiment.statistics import SHARE_SEED, Interval, auc, auc_interval, share_interval
+from testbed.experiment.statistics import (
+    SHARE_SEED,
+    Interval,
+    auc,
+    auc_interval,
+    bootstrap_mean,
+    share_interval,
+)
+from testbed.scenario_points import Sweep
 
 FILE = "verdicts.json"
 _FIRST = (
@@ -49,7 +58,8 @@ def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
         interval over trials; ``calibration_error`` with its interval over trials (only rows with a probability, see
         :mod:`testbed.experiment.calibration`) and how many rows ``calibrated`` counts; ``controller_auc``, the same
         as ``auc`` by the controller alone, whatever the verdict was drawn from; ``found``, how many candidates the
-        student found by itself.
+        student found by itself; ``regret`` of its choices, a mean over trials with its interval, see
+        :mod:`testbed.experiment.regret`.
     """
     students = dict.fromkeys(str(row["student"]) for row in rows)
     return {
@@ -57,38 +67,68 @@ def summarise(rows: Sequence[Row], seed: int) -> dict[str, dict[str, Any]]:
     }
 
 
-def document(name: str, hash8: str, rows: Iterable[Row], seed: int) -> dict[str, Any]:
+def sweep_rows(sweep: Sweep) -> list[dict[str, Any]]:
+    """The cells of a sweep as plain data: of which block, held against which control, and every axis's level."""
+    blocks = {block.name: block for block in sweep.blocks.values()}
+    return [
+        {
+            "cell": cell,
+            "block": point.block,
+            "control": blocks[point.block].control.cell,
+            "levels": point.levels,
+        }
+        for cell, point in sweep.points.items()
+    ]
+
+
+def document(
+    name: str,
+    hash8: str,
+    rows: Iterable[Row],
+    seed: int,
+    *,
+    split: str | None = None,
+    sweep: Sequence[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
     """The contents of ``verdicts.json``, before rounding: rows by cell, trial, student and teacher.
 
     Beside the verdicts it lists what every mind came to believe of itself, one row a mind and trial. Where there are
-    several cells, ``cells`` has the summary of each by its name.
+    several cells, ``cells`` has the summary of each by its name. ``split`` is there where the scenario has splits, and
+    ``sweep``, one row a cell, where it has a sweep.
     """
     ordered = sorted(
         rows,
         key=lambda row: (row["cell"], row["trial"], row["student"], _natural(row.get("teacher") or "")),
     )
     judged = [row for row in ordered if row.get("kind", "verdict") == "verdict"]
-    cells = dict.fromkeys(str(row["cell"]) for row in judged)
-    contents = {
+    cells: dict[str, list[Row]] = {}
+    for row in judged:
+        cells.setdefault(str(row["cell"]), []).append(row)
+    contents: dict[str, Any] = {
         "scenario": name,
         "hash": hash8,
+        **({"split": split} if split is not None else {}),
         "verdicts": _filled(judged, _FIRST),
         "selves": _filled([row for row in ordered if row.get("kind") == "self"], _FIRST[:3]),
         "summary": summarise(judged, seed),
     }
     if len(cells) > 1:
-        contents["cells"] = {
-            cell: summarise([row for row in judged if row["cell"] == cell], seed) for cell in cells
-        }
+        contents["cells"] = {cell: summarise(own, seed) for cell, own in cells.items()}
+    if sweep:
+        contents["sweep"] = list(sweep)
     return contents
 
 
 def text(contents: Mapping[str, Any]) -> str:
     """``verdicts.json`` as text: one row a line, nine significant digits, NaN written as null."""
-    head = [f'  "{key}": {_json(contents[key])}' for key in ("scenario", "hash")]
+    head = [f'  "{key}": {_json(contents[key])}' for key in ("scenario", "hash", "split") if key in contents]
     body = [
         *head,
-        *(f'  "{key}": [\n{_lines(contents[key])}\n  ]' for key in ("verdicts", "selves")),
+        *(
+            f'  "{key}": [\n{_lines(contents[key])}\n  ]'
+            for key in ("verdicts", "selves", "sweep")
+            if key in contents
+        ),
         *(f'  "{key}": {_by_name(contents[key])}' for key in ("summary", "cells") if key in contents),
     ]
     return "{\n" + ",\n".join(body) + "\n}\n"
@@ -115,6 +155,7 @@ def _summary(rows: Sequence[Row], seed: int) -> dict[str, Any]:
         **_calibration_of(rows, seed),
         **_area_of(rows, "controller_score", "controller_auc", seed),
         "found": sum(bool(row["found"]) for row in rows),
+        **_regret_of(rows, seed),
     }
 
 
@@ -129,6 +170,12 @@ def _area_of(rows: Sequence[Row], column: str, name: str, seed: int) -> dict[str
     having = scored(rows, column)
     spread = auc_interval(*having, np.random.default_rng([_BOOTSTRAP, seed]))
     return {name: auc(having.scores, having.positive), **_named(name, spread)}
+
+
+def _regret_of(rows: Sequence[Row], seed: int) -> dict[str, float | None]:
+    (missed,) = regrets(rows).values()
+    spread = bootstrap_mean(missed, np.random.default_rng([_BOOTSTRAP, seed])) if len(missed) > 1 else None
+    return {"regret": sum(missed) / len(missed), **_named("regret", spread)}
 
 
 def _calibration_of(rows: Sequence[Row], seed: int) -> dict[str, float | int | None]:

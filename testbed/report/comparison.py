@@ -24,6 +24,7 @@ _MEASURES = (
     ("right verdicts", "accuracy", True),
     ("calibration error", "calibration_error", False),
     ("AUC of the controller alone", "controller_auc", False),
+    ("regret of its choice, 0 to 2", "regret", False),
 )
 
 

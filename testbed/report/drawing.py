@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from testbed.morphology import Cuboid, Morphology, Part, Vector
+from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.style import INK, OF_PART, SHADOW
 
 _CIRCLE = np.stack(
@@ -99,7 +99,7 @@ def _side(body: Morphology, poses: Mapping[str, Vector], name: str, toward: Vect
 
 def grounded(body: Morphology, poses: Mapping[str, Vector]) -> dict[str, Vector]:
     """The same poses lifted or lowered until the lowest point touches the ground."""
-    lowest = min(_lowest(body.parts[name], pose) for name, pose in poses.items())
+    lowest = min(pose[2, 3] + body.parts[name].span(pose[2, :3])[0] for name, pose in poses.items())
     lift = np.zeros((4, 4))
     lift[2, 3] = -lowest
     return {name: pose + lift for name, pose in poses.items()}
@@ -148,6 +148,11 @@ def _draw_part(
                     outline = _hull(view.flat(corners @ pose[:3, :3].T + pose[:3, 3]))
                     _polygon(axes, outline, colour, zorder=order, edge=True, alpha=alpha)
                     _shade(axes, outline, light_on(normal), order + 0.2)
+        return
+    if isinstance(part, Mesh):
+        from testbed.report.mesh_drawing import draw_mesh  # meshes are slow to load
+
+        draw_mesh(axes, part, pose, view.basis, colour, order, alpha)
         return
     length = getattr(part, "length", 0.0)
     ends = pose[:3, 3] + np.outer([-length / 2, length / 2], pose[:3, 0])
@@ -199,6 +204,8 @@ def _sample(part: Part, pose: Vector) -> Vector:
     if isinstance(part, Cuboid):
         points = CORNERS * np.array(part.size)
         return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+    if isinstance(part, Mesh):
+        return np.asarray(part.points @ pose[:3, :3].T + pose[:3, 3])
     length = getattr(part, "length", 0.0)
     ends = pose[:3, 3] + np.outer([-length / 2, length / 2], pose[:3, 0])
     around = np.linspace(0, 2 * np.pi, 17)[:-1]
@@ -210,9 +217,3 @@ def _sample(part: Part, pose: Vector) -> Vector:
         ]
     )
     return np.concatenate([end + part.radius * ball for end in ends])
-
-
-def _lowest(part: Part, pose: Vector) -> float:
-    if isinstance(part, Cuboid):
-        return float(pose[2, 3] - np.abs(pose[2, :3]) @ np.array(part.size) / 2)
-    return float(pose[2, 3] - part.radius - abs(float(pose[2, 0])) * getattr(part, "length", 0.0) / 2)

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Cuboid, Morphology, Part, Vector
+from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.drawing import CORNERS, light_on, paint_order
 
 Frame = NDArray[np.uint8]
@@ -151,6 +151,14 @@ def _paint_part(image: Frame, camera: Camera, part: Part, pose: Vector, colour: 
                 if float(normal @ (corners.mean(axis=0) - camera.eye)) < 0:
                     _fill(image, camera.project(corners)[0], _shaded(colour, light_on(normal)))
         return
+    if isinstance(part, Mesh):
+        from testbed.report.mesh_drawing import seen_triangles, triangles_of  # meshes are slow to load
+
+        toward = camera.eye - pose[:3, 3]
+        faces = seen_triangles(*triangles_of(part, pose, coarse=True), toward / np.linalg.norm(toward))
+        for corners, normal in zip(*faces, strict=True):
+            _fill(image, camera.project(corners)[0], _shaded(colour, light_on(normal)), outline=False)
+        return
     length = getattr(part, "length", 0.0)
     ends = pose[:3, 3] + np.outer([-length / 2, length / 2], pose[:3, 0])
     pixels, depth = camera.project(ends)
@@ -189,6 +197,8 @@ def _fixed(points: Vector) -> NDArray[np.int32]:
 def _surface(part: Part, pose: Vector) -> Vector:
     if isinstance(part, Cuboid):
         return np.asarray((CORNERS * np.array(part.size)) @ pose[:3, :3].T + pose[:3, 3])
+    if isinstance(part, Mesh):
+        return np.asarray(part.points @ pose[:3, :3].T + pose[:3, 3])
     length = getattr(part, "length", 0.0)
     ends = pose[:3, 3] + np.outer([-length / 2, length / 2], pose[:3, 0])
     ball = np.concatenate([np.insert(_AROUND[::3], axis, 0.0, axis=1) for axis in range(3)])

@@ -16,6 +16,7 @@ from testbed.report.desk import Desk
 from testbed.report.knowing import self_headline
 from testbed.report.life_section import bodies_known, travels_told
 from testbed.report.reading import Trial, read_run
+from testbed.report.sweeps import sweeps
 from testbed.report.verdict_section import verdicts
 from testbed.report.words import explanation, headline, summary_facts
 
@@ -43,7 +44,7 @@ def _body(desk: Desk) -> str:
             f'<p class="note">Pictures below tell trial {desk.sample.number}, the first, whatever came of it; '
             f"error curves are about all {len(desk.trials)} trials.</p>"
         )
-    parts = [_header(desk), verdicts(desk), bodies_known(desk), travels_told(desk)]
+    parts = [_header(desk), sweeps(desk), verdicts(desk), bodies_known(desk), travels_told(desk)]
     parts += [_claims(desk), note, told] if many else [told, _claims(desk)]
     return "".join([*parts, _footer(desk)])
 

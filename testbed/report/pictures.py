@@ -8,11 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbed.morphology import Cuboid, Morphology, Part, Vector
+from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.drawing import OBLIQUE, SIDE, TOP, View, draw_body, extent, flat_on_ground, frame, tilted
 from testbed.report.style import INK, MUTED, PAPER, stacked, styled, svg
 
 _BAR = 0.10  # metres
+_NAMED = 4
+"""So many parts have room for their names in a picture; more are in the table alone."""
 
 
 @styled
@@ -31,7 +33,8 @@ def robot_picture(morphology: Morphology, path: Path | str) -> Path:
     large, *postures = upper.subplots(1, 3, width_ratios=[1.9, 1, 1])
     flat = flat_on_ground(morphology)
     draw_body(large, morphology, flat, OBLIQUE)
-    _name_parts(large, morphology, flat, OBLIQUE)
+    if len(morphology.parts) <= _NAMED:
+        _name_parts(large, morphology, flat, OBLIQUE)
     frame(large, extent(morphology, flat, OBLIQUE), 0.06)
     for axes, angles in zip(postures, _postures(morphology), strict=True):
         poses = tilted(morphology, angles, np.zeros(2))
@@ -39,7 +42,8 @@ def robot_picture(morphology: Morphology, path: Path | str) -> Path:
         corners = extent(morphology, flat, OBLIQUE)
         frame(axes, np.stack([corners[0], np.maximum(corners[1], extent(morphology, poses, OBLIQUE)[1])]))
         shown = ", ".join(f"{angle:+.0f}°" for angle in np.degrees(angles)).replace("-", "\N{MINUS SIGN}")
-        axes.set_title(f"joints at {shown}" if len(angles) else "no joints", loc="center", fontsize=9)
+        title = f"joints at {shown}" if len(angles) <= _NAMED else f"{len(angles)} joints turned"
+        axes.set_title(title if len(angles) else "no joints", loc="center", fontsize=9)
     views = (("from above", TOP), ("from the side", SIDE))
     for axes, (title, view) in zip(lower.subplots(1, 2), views, strict=True):
         draw_body(axes, morphology, flat, view)
@@ -89,6 +93,8 @@ def _name_parts(axes: Axes, body: Morphology, poses: dict[str, Vector], view: Vi
 def _size(part: Part) -> str:
     if isinstance(part, Cuboid):
         return " × ".join(f"{side * 100:g}" for side in part.size) + " cm"
+    if isinstance(part, Mesh):
+        return " × ".join(f"{side * 100:.3g}" for side in part.size) + " cm"
     length = getattr(part, "length", None)
     radius = f"r {part.radius * 100:g}"
     return f"{radius} cm" if length is None else f"{radius}, h {length * 100:g} cm"

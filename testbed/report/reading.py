@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.errors import UserError
-from testbed.scenario import Scenario, cell_names, in_cell, load_scenario
+from testbed.scenario import Scenario, cell_names, load_scenario, mind_names
 
 Array = NDArray[Any]
 Row = Mapping[str, Any]
@@ -141,7 +141,7 @@ def minds_of(scenario: Scenario, cell: str) -> tuple[str, ...]:
     """The names of the minds in a cell, the leader first; none where the scenario does not have the cell."""
     if cell not in cell_names(scenario):
         return ()
-    return tuple(mind.name for mind in in_cell(scenario, cell).minds)
+    return mind_names(scenario, cell)
 
 
 def read_run(directory: Path) -> RunRecord:

@@ -76,7 +76,7 @@ def _students(desk: Desk, *, several: bool) -> str:
 
 def _cells(desk: Desk) -> str:
     run = desk.run
-    if len(run.cells) == 1:
+    if len(run.cells) == 1 or run.scenario.sweep:  # a sweep has a section of its own
         return ""
     parts = ["<h3>Cell by cell</h3>"]
     if CONTROL in run.cells:

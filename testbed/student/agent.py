@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from testbed.morphology import Vector
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.self_model import BodyPrior
+from testbed.student.insider import Insider
 from testbed.student.methods import MindPlan
 from testbed.student.mind import Judgement, Mind, Self
 from testbed.student.motion import Watched
 from testbed.student.senses import Acting, Observation, Progress, Senses
-from testbed.vision.foreground import find_candidates
+from testbed.vision.foreground import find_candidates, without_others
 
 T = TypeVar("T")
 
@@ -36,12 +37,14 @@ class Candidate:
         look_steps: (frames,) the student's action count when it took each frame.
         watched: The frames.
         judgements: What each mind made of it, by name.
+        crowded: In which share of the images somebody else's outline ran into its own.
     """
 
     bearing: float
     look_steps: tuple[int, ...]
     watched: Watched
     judgements: Mapping[str, Judgement]
+    crowded: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ class Student:
         minds: How it thinks; the first one leads.
         seeds: Source of all its chance.
         progress: Told how far each phase is.
+        insider: Tells baselines among the minds what no student can sense; nobody else is told.
     """
 
     def __init__(
@@ -87,11 +91,20 @@ class Student:
         minds: Sequence[MindPlan],
         seeds: np.random.SeedSequence,
         progress: Progress = lambda phase, done, total: None,
+        insider: Insider | None = None,
     ) -> None:
         self._prior, self._senses, self._progress = prior, senses, progress
         common: dict[str, object] = {}
         self._minds = tuple(
-            Mind(spec, prior, senses, own, _of(spec, minds, progress), common)
+            Mind(
+                spec,
+                prior,
+                senses,
+                own,
+                _of(spec, minds, progress),
+                common,
+                insider if spec.phases.privileged else None,
+            )
             for spec, own in zip(minds, _seeds_of_minds(seeds, len(minds)), strict=True)
         )
         self._joints, self._pan = np.zeros(len(prior.motors)), 0.0
@@ -125,10 +138,15 @@ class Student:
             selves[mind.name] = yield from self._try(mind, mind.discover_itself())
 
         candidates = []
-        for number, bearing in enumerate((yield from self._look_around(leader))):
+        bearings = yield from self._look_around(leader)
+        for number, bearing in enumerate(bearings):
             watched, steps, looks = yield from self._watch(bearing)
-            judgements = {mind.name: mind.consider(number, watched, looks[mind.name]) for mind in self._minds}
-            candidates.append(Candidate(bearing, steps, watched, judgements))
+            watched, crowded = self._alone(watched, bearing, bearings)
+            judgements = {
+                mind.name: mind.consider(number, watched, looks[mind.name], bearing=bearing, steps=steps)
+                for mind in self._minds
+            }
+            candidates.append(Candidate(bearing, steps, watched, judgements, crowded))
 
         judged = [candidate.judgements[leader.name] for candidate in candidates]
         damage = yield from self._try(leader, leader.check_itself())
@@ -213,6 +231,13 @@ class Student:
         watched = Watched(np.array(frames), np.array(due) * step - turning)
         looks = {name: tuple(due.index(look) for look in looks) for name, looks in wanted.items()}
         return watched, tuple(steps), looks
+
+    def _alone(self, watched: Watched, bearing: float, bearings: Sequence[float]) -> tuple[Watched, float]:
+        """The frames without the other candidates, and in which share of them that could not be done."""
+        others = [math.remainder(other - bearing, math.tau) for other in bearings if other != bearing]
+        dark_below = self._minds[0].parameters.looking.dark_below
+        alone = without_others(watched.frames, self._senses.rig, others, dark_below=dark_below)
+        return Watched(alone.frames, watched.times), float(alone.touched.mean())
 
     def _perform(self, commands: Vector) -> Generator[NDArray[np.float32], Observation, int]:
         """The evolved controller drives the student itself, one command a control step."""

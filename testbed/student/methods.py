@@ -6,10 +6,10 @@ from typing import Literal, NamedTuple, Protocol
 
 from testbed.student.parameters import StudentParameters
 
-SelfDiscovery = Literal["hill_climber", "active"]
-TeacherModelling = Literal["eea", "joint_fit", "embodied"]
-Imitation = Literal["hill_climber", "rehearsed"]
-VerdictRule = Literal["controller", "attachment", "likelihood"]
+SelfDiscovery = Literal["hill_climber", "active", "known"]
+TeacherModelling = Literal["eea", "joint_fit", "embodied", "glance", "insight"]
+Imitation = Literal["hill_climber", "rehearsed", "none"]
+VerdictRule = Literal["controller", "attachment", "likelihood", "chance", "nearest", "look"]
 
 
 class Phases(NamedTuple):
@@ -20,13 +20,27 @@ class Phases(NamedTuple):
     imitation: Imitation
     verdict: VerdictRule
 
+    @property
+    def privileged(self) -> bool:
+        """Whether such a mind is told what no student can sense."""
+        return not PRIVILEGED.isdisjoint(self)
+
 
 METHODS = {
     "paper": Phases("hill_climber", "eea", "hill_climber", "controller"),
     "like_me": Phases("active", "embodied", "rehearsed", "likelihood"),
+    "random": Phases("known", "glance", "none", "chance"),
+    "nearest": Phases("known", "glance", "none", "nearest"),
+    "lookalike": Phases("known", "glance", "none", "look"),
+    "known_body": Phases("known", "embodied", "rehearsed", "likelihood"),
+    "oracle": Phases("known", "insight", "rehearsed", "controller"),
 }
 """What each student does where the scenario does not say otherwise: ``paper`` to the letter of Sections 3.2, 3.3 and
-3.4, ``like_me`` with this project's extensions."""
+3.4, ``like_me`` with this project's extensions. The others are baselines: they guess, go by distance or by looks, know
+their body beforehand, or know besides how everybody's joints really move."""
+
+PRIVILEGED = frozenset({"known", "insight"})
+"""Phases that ask an :class:`~testbed.student.insider.Insider`."""
 
 STUDENT_METHODS = tuple(METHODS)
 

@@ -7,6 +7,7 @@ senses. What two of them would work out alike is worked out once.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -20,11 +21,12 @@ from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.rediscovery import Rediscovery
 from testbed.student.body.self_model import BodyPrior, Tree
+from testbed.student.forms import Imitated, Modelled, Own
+from testbed.student.insider import Insider
 from testbed.student.judging.verdict import Verdict
 from testbed.student.methods import MindPlan
 from testbed.student.motion import Watched
 from testbed.student.parameters import ActiveDiscoveryParameters
-from testbed.student.phases import Imitated, Modelled
 from testbed.student.senses import Progress, Senses
 
 T = TypeVar("T")
@@ -66,16 +68,16 @@ class Judgement:
     Attributes:
         looks: (frames that the mind saw,) their places among the frames of the candidate.
         model: How the teacher model came about (Section 3.3).
-        imitation: How the student tried to move like it (Section 3.4).
+        imitation: How the student tried to move like it (Section 3.4); None if it did not.
         verdict: Appropriate or not.
-        controller_verdict: The same by the controller alone, as in the paper.
+        controller_verdict: The same by the controller alone, as in the paper; None if there is none.
     """
 
     looks: tuple[int, ...]
     model: Modelled
-    imitation: Imitated
+    imitation: Imitated | None
     verdict: Verdict
-    controller_verdict: Verdict
+    controller_verdict: Verdict | None
 
 
 class Mind:
@@ -88,6 +90,7 @@ class Mind:
         seeds: Source of all its chance.
         progress: Told how far each phase is.
         common: Thoughts of all the minds of a student, by what they depend on.
+        insider: Tells baselines what no student can sense.
     """
 
     def __init__(
@@ -98,7 +101,11 @@ class Mind:
         seeds: np.random.SeedSequence,
         progress: Progress,
         common: dict[str, object],
+        insider: Insider | None = None,
     ) -> None:
+        if spec.phases.privileged != (insider is not None):
+            raise ValueError("a mind is told the truth if it is a baseline that needs it, and only then")
+        self._insider = insider
         self.name, self.phases, self.parameters = spec.name, spec.phases, spec.parameters
         self._prior, self._senses, self._seeds = prior, senses, seeds
         self._progress, self._common = progress, common
@@ -122,7 +129,12 @@ class Mind:
         if key not in self._common:
             discover = phases.SELF_DISCOVERY[self.phases.self_discovery]
             found = yield from discover(
-                self._prior, self.parameters, self._senses, rng, self._phase("self-discovery")
+                self._prior,
+                self.parameters,
+                self._senses,
+                rng,
+                self._phase("self-discovery"),
+                self._insider,
             )
             self._common[key] = found
         self.itself = self._common[key]  # type: ignore[assignment]
@@ -163,7 +175,14 @@ class Mind:
         return again.record()
 
     def consider(
-        self, number: int, watched: Watched, looks: tuple[int, ...], lost: DamageReport | None = None
+        self,
+        number: int,
+        watched: Watched,
+        looks: tuple[int, ...],
+        lost: DamageReport | None = None,
+        *,
+        bearing: float = 0.0,
+        steps: tuple[int, ...] = (),
     ) -> Judgement:
         """Sections 3.3 and 3.4: model a candidate, try to move like it, and decide.
 
@@ -172,12 +191,17 @@ class Mind:
             watched: All that the student saw of it.
             looks: Which of the frames this mind asked for.
             lost: What it found when a limb was gone: it compares the candidate with the body that is left.
+            bearing: Where the candidate stands, rad; what an insider is asked about.
+            steps: The action count at each frame; likewise.
         """
         assert self.itself is not None, "a mind discovers itself before it judges others"
         watching, trying = map(np.random.default_rng, self._seeds.spawn(2))
-        parameters, own = self.parameters, phases.Own(self._prior, self.itself.body)
+        parameters, insider = self.parameters, self._insider
+        shown = tuple(steps[look] for look in looks) if insider is not None else ()
+        told = None if insider is None else functools.partial(insider.parts_of, bearing, shown)
+        own = Own(self._prior, self.itself.body, told)
         if lost is not None:
-            own = phases.Own(BodyPrior.of(lost.body), lost.body)
+            own = Own(BodyPrior.of(lost.body), lost.body)
         body = own.body
         seen = Watched(watched.frames[list(looks)], watched.times[list(looks)])
 
@@ -201,10 +225,10 @@ class Mind:
                 model, body, self._senses, parameters, trying, self._phase(f"imitation {number}")
             ),
         )
-        verdict, by_controller = (
-            phases.VERDICT[rule](model, imitation, body, parameters)
-            for rule in (self.phases.verdict, "controller")
-        )
+        verdict = phases.VERDICT[self.phases.verdict](model, imitation, body, parameters, trying)
+        by_controller: Verdict | None = None
+        if imitation is not None:
+            by_controller = phases.VERDICT["controller"](model, imitation, body, parameters, trying)
         return Judgement(looks, model, imitation, verdict, by_controller)
 
     def commands(self, judgement: Judgement, damage: DamageReport | None = None) -> Vector:

@@ -5,36 +5,44 @@ phase              name          where it comes from
 =================  ============  =====================================================================================
 self-discovery     hill_climber  Section 3.2: random commands, then a hill climber over self-models
                    active        extension: many self-models, commands chosen where they disagree
+                   known         baseline: told beforehand
 teacher modelling  eea           Section 3.3: the estimation-exploration algorithm on pixels of three image pairs
                    joint_fit     extension: free parts of the same sizes in all frames of a motion
                    embodied      extension: the self-model itself, and bodies that it could have been
+                   glance        baseline: no model, only how far away somebody is and what it looks like
+                   insight       baseline: the truth
 imitation          hill_climber  Section 3.4: a hill climber over the weights of the k x n network
                    rehearsed     extension: the same network, searched from several starts on a quasi-static self-model
+                   none          baseline: not tried
 verdict            controller    Section 3.4 and Fig. 8: how well the network imitates
                    attachment    extension: do the parts that hang together in my body stay together in theirs?
                    likelihood    extension: does my body explain what I saw better than other bodies do?
+                   chance        baseline: a coin
+                   nearest       baseline: the nearer, the better
+                   look          baseline: does its outline look like my kind, from the side, in any posture?
 =================  ============  =====================================================================================
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Generator
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from testbed.morphology import Morphology, Vector
+from testbed.student import baselines
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.self_discovery import SelfDiscoveryRecord, evolve_self_model, random_commands
 from testbed.student.body.self_model import BodyPrior
+from testbed.student.forms import Modelled, Own, Told
+from testbed.student.insider import Insider
 from testbed.student.judging import likeness
 from testbed.student.judging.verdict import Verdict, judge
-from testbed.student.motion import TeacherMotion, Watched
+from testbed.student.motion import Watched
 from testbed.student.moving.imitation import ImitationRecord, evolve_controller
 from testbed.student.moving.performing import prepare
 from testbed.student.moving.rehearsal import RehearsalRecord, rehearse
@@ -44,43 +52,16 @@ from testbed.student.seeing.joint_fit import JointFit, joint_fit
 from testbed.student.seeing.teacher_modelling import Modelling, TeacherRecord
 from testbed.student.senses import Senses
 
-Told = Callable[[int, int], None]
-"""Called with how much of a phase is done, and how much there is."""
-
-
-class Modelled(Protocol):
-    """A teacher model, however it came about."""
-
-    @property
-    def motion(self) -> TeacherMotion:
-        """How its objects moved."""
-        ...
-
-
-class Imitated(Protocol):
-    """An attempt to move like a teacher, however it was made; see ``imitation.ImitationRecord``."""
-
-    teacher_rolls: Vector
-    order: NDArray[np.int64]
-    weights: Vector
-    errors: Vector
-    responses: tuple[Vector, ...]
-    limits: Vector
-
-
-@dataclass(frozen=True)
-class Own:
-    """What the student knows of itself: beforehand, and after self-discovery."""
-
-    prior: BodyPrior
-    body: Morphology
-
-
 # Self-discovery -------------------------------------------------------------------------------------------------------
 
 
 def babble(
-    prior: BodyPrior, parameters: StudentParameters, senses: Senses, rng: np.random.Generator, told: Told
+    prior: BodyPrior,
+    parameters: StudentParameters,
+    senses: Senses,
+    rng: np.random.Generator,
+    told: Told,
+    insider: Insider | None = None,
 ) -> Generator[Vector, Vector | None, SelfDiscoveryRecord]:
     """Section 3.2: feel how random commands tilt the body, then find the body that explains it."""
     commands = random_commands(prior, parameters.self_discovery, rng)
@@ -92,7 +73,12 @@ def babble(
 
 
 def disagree(
-    prior: BodyPrior, parameters: StudentParameters, senses: Senses, rng: np.random.Generator, told: Told
+    prior: BodyPrior,
+    parameters: StudentParameters,
+    senses: Senses,
+    rng: np.random.Generator,
+    told: Told,
+    insider: Insider | None = None,
 ) -> Generator[Vector, Vector | None, SelfKnowledge]:
     """Extension: try what many self-models disagree about most, and keep those that were right."""
     own = parameters.active_discovery or ActiveDiscoveryParameters.for_limbs(len(prior.limbs))
@@ -235,44 +221,71 @@ def play_on(
 # Verdict --------------------------------------------------------------------------------------------------------------
 
 
-def by_controller(model: Any, imitation: Any, body: Morphology, parameters: StudentParameters) -> Verdict:
+def by_controller(
+    model: Any,
+    imitation: Any,
+    body: Morphology,
+    parameters: StudentParameters,
+    rng: np.random.Generator,
+) -> Verdict:
     """Section 3.4 and Fig. 8: appropriate is whose motion the evolved controller reproduces."""
     if isinstance(imitation, RehearsalRecord):
         return likeness.by_fit(imitation, parameters.likeness)
     return judge(imitation.errors, imitation.teacher_rolls.size, parameters.verdict)
 
 
-def by_attachment(model: Any, imitation: Any, body: Morphology, parameters: StudentParameters) -> Verdict:
+def by_attachment(
+    model: Any,
+    imitation: Any,
+    body: Morphology,
+    parameters: StudentParameters,
+    rng: np.random.Generator,
+) -> Verdict:
     """Extension: appropriate is whose free parts hang together the way the student's do."""
     return likeness.by_attachment(model.motion, getattr(model, "explained", 0.0), body, parameters.likeness)
 
 
-def by_likelihood(model: Any, imitation: Any, body: Morphology, parameters: StudentParameters) -> Verdict:
+def by_likelihood(
+    model: Any,
+    imitation: Any,
+    body: Morphology,
+    parameters: StudentParameters,
+    rng: np.random.Generator,
+) -> Verdict:
     """Extension: appropriate is whom the student's own body explains better than other bodies do."""
     return likeness.by_likelihood(model, parameters.likeness)
 
 
-SELF_DISCOVERY: dict[str, Any] = {"hill_climber": babble, "active": disagree}
+SELF_DISCOVERY: dict[str, Any] = {"hill_climber": babble, "active": disagree, "known": baselines.ask}
 TEACHER_MODELLING: dict[str, Any] = {
     "eea": estimate_and_explore,
     "joint_fit": fit_free_parts,
     "embodied": embody,
+    "glance": baselines.look_once,
+    "insight": baselines.be_told,
 }
-IMITATION: dict[str, Any] = {"hill_climber": climb, "rehearsed": try_out}
-PERFORMANCE: dict[str, Any] = {"hill_climber": play_once, "rehearsed": play_on}
+IMITATION: dict[str, Any] = {"hill_climber": climb, "rehearsed": try_out, "none": baselines.not_tried}
+PERFORMANCE: dict[str, Any] = {"hill_climber": play_once, "rehearsed": play_on, "none": baselines.stay}
 VERDICT: dict[str, Any] = {
     "controller": by_controller,
     "attachment": by_attachment,
     "likelihood": by_likelihood,
+    "chance": baselines.by_chance,
+    "nearest": baselines.by_distance,
+    "look": baselines.by_look,
 }
 
 SECTIONS = {
     ("self_discovery", "hill_climber"): ("self_discovery", "imagination"),
     ("self_discovery", "active"): ("active_discovery", "self_discovery"),
+    ("self_discovery", "known"): (),
     ("teacher_modelling", "eea"): ("teacher_modelling",),
     ("teacher_modelling", "joint_fit"): ("joint_fit",),
     ("teacher_modelling", "embodied"): ("embodied",),
+    ("teacher_modelling", "glance"): ("glance",),
+    ("teacher_modelling", "insight"): (),
     ("imitation", "hill_climber"): ("imitation", "imagination"),
     ("imitation", "rehearsed"): ("rehearsal", "imagination"),
+    ("imitation", "none"): (),
 }
 """Which of a student's parameters each method reads."""

@@ -42,6 +42,10 @@ class Backend(Protocol):
         """How far a robot has come along its starting direction since the reset, in metres; 0 if unknown."""
         ...
 
+    def movement(self, robot: str) -> float:
+        """How fast a robot's fastest limb turned in the last control step, rad/s; 0 if unknown."""
+        ...
+
     def look(self) -> Pair:
         """(2, 75, 100) luminosity: the newest left and right image of the rig."""
         ...

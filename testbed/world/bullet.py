@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,19 @@ from testbed.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation
 from testbed.scenario import RigSpec, Scenario
 from testbed.scenario_view import MOST_PAN_ERRORS
+from testbed.vision.noise import QuickNoise
+from testbed.world.analytic import AnalyticRenderer
 from testbed.world.backend import Pair
-from testbed.world.events import Flaws, events_of
-from testbed.world.optics import expose, projection_matrix, view_matrix
+from testbed.world.clutter import put_clutter
+from testbed.world.events import events_of
+from testbed.world.flaws import Flaws, Lag
+from testbed.world.optics import luminosities, projection_matrix, read_out, view_matrix
 from testbed.world.placement import STUDENT, placements, teacher_names
 
 IMAGE = (75, 100)
 """Rows and columns of the student's images (Section 3.3.3)."""
 
+_ELSEWHERE = 100.0  # metres above where it was: who is away is beyond all that cameras see
 _PEOPLE_LIGHT = {"lightDirection": (1.0, -2.0, 3.0), "lightAmbientCoeff": 0.6, "lightDiffuseCoeff": 0.4}
 
 
@@ -47,17 +52,21 @@ class SimulatedBackend:
         self._spots = placements(scenario, self._robots)
         self._true = {**self._robots, STUDENT: scenario.student.true_body()}
         self._flaws = Flaws.of(scenario.student, self._robots[STUDENT])
-        self._events = events_of(scenario, self._spots)
+        self._lag = Lag.of(scenario.student, self._robots[STUDENT], scenario.world.control_step)
+        self._events = events_of(scenario, self._spots, self._robots)
         self._simulation = Simulation(physics_of(scenario))
         for name, body in self._true.items():
             spot = self._spots[name]
-            self._simulation.add(name, body, place=spot.place, yaw=spot.yaw)
+            self._simulation.add(name, body, place=spot.place, yaw=spot.yaw, height=spot.height)
+        put_clutter(self._simulation, scenario.world.clutter)
         world, rig = scenario.world, scenario.rig
         self._substeps = world.physics_steps
         self._pan_step = math.radians(rig.pan_speed_deg) * world.control_step
         self._steps_per_frame = max(1, round(1 / (rig.camera_rate * world.control_step)))
         self._pan = 0.0
         self._now = dict(self._true)
+        analytic = rig.renderer == "analytic"
+        self._analytic = AnalyticRenderer(self._simulation, rig, IMAGE) if analytic else None
         self.reset(np.random.SeedSequence(scenario.seed))
 
     @property
@@ -74,17 +83,24 @@ class SimulatedBackend:
         """See :class:`Backend`."""
         camera, *tilts, servo = seeds.spawn(2 + len(self._robots))
         self._camera_rng, self._pan_rng = np.random.default_rng(camera), np.random.default_rng(servo)
+        if self._analytic is not None:
+            self._camera_rng = QuickNoise(self._camera_rng.bit_generator)
         self._tilt_rngs = dict(zip(self._robots, map(np.random.default_rng, tilts), strict=True))
+        self._drop_rng = np.random.default_rng(seeds.spawn(1)[0])
         self._pan, self._step = 0.0, 0
         self._frame: tuple[int, Pair] | None = None
+        self._exposed = 0
+        self._absent: dict[str, tuple[Vector, Vector]] = {}
         self._pan_target, self._pan_error = 0.0, 0.0
         if self._now != self._true:
             self._simulation.replace(STUDENT, self._true[STUDENT])
             self._now = dict(self._true)
         self._kept = np.full(len(self._robots[STUDENT].joints), True)  # commands that still move something
+        self._lag.reset()
         for event in self._events:
             event.reset()
         self._simulation.reset(*self._robots)
+        self._before, self._turned = self._simulation.joints(STUDENT), 0.0
 
     def apply(self, commands: Mapping[str, Vector], pan: float) -> None:
         """See :class:`Backend`."""
@@ -92,9 +108,10 @@ class SimulatedBackend:
             event.happen(self, self._step)
         for name, targets in commands.items():
             if name == STUDENT:
-                targets = self._flaws.turned(targets)[self._kept]
+                targets = self._lag.heard(self._flaws.turned(targets))[self._kept]
             self._simulation.command(name, targets)
         self._simulation.step(self._substeps)
+        self._feel_movement()
         if pan != self._pan_target:
             self._pan_target = pan
             deviation = np.clip(self._pan_rng.standard_normal(), -MOST_PAN_ERRORS, MOST_PAN_ERRORS)
@@ -115,11 +132,19 @@ class SimulatedBackend:
         travelled = self._simulation.base(robot)[:2] - spot.place
         return float(travelled @ (math.cos(spot.yaw), math.sin(spot.yaw)))
 
+    def movement(self, robot: str) -> float:
+        """See :class:`Backend`; known of the student alone, whom everybody sees."""
+        return self._turned if robot == STUDENT else 0.0
+
     def look(self) -> Pair:
         """See :class:`Backend`. A new frame comes at the camera's rate; between two frames the last one stays."""
         frame = self._step // self._steps_per_frame
         if self._frame is None or self._frame[0] != frame:
-            self._frame = (frame, self._expose_pair())
+            taken = self._expose_pair()  # also if it is lost: those that arrive are the same without losses
+            lost = self._drop_rng.random() < self._scenario.rig.frame_drops
+            if self._frame is None or not lost:
+                self._exposed = self._step
+            self._frame = (frame, self._frame[1] if lost and self._frame is not None else taken)
         return self._frame[1]
 
     def picture(self, width: int, height: int) -> NDArray[np.uint8]:
@@ -129,8 +154,8 @@ class SimulatedBackend:
 
     @property
     def exposed(self) -> int:
-        """How many steps since the reset had passed when the newest frame was exposed."""
-        return self._step - self._step % self._steps_per_frame
+        """How many steps since the reset had passed when the frame that is seen now was exposed."""
+        return self._exposed
 
     def state(self, robot: str) -> tuple[Vector, Vector]:
         """The truth about a robot: base (7,) position (m) and quaternion of its root, joint angles (rad).
@@ -164,32 +189,57 @@ class SimulatedBackend:
         """A robot is given a velocity over the ground (m/s)."""
         self._simulation.push(robot, velocity)
 
+    def remove(self, robot: str) -> None:
+        """A robot is out of sight in this step."""
+        if robot not in self._absent:
+            self._absent[robot] = self._simulation.base(robot), self._simulation.joints(robot)
+        base, joints = self._absent[robot]
+        self._simulation.pose(robot, np.array([*base[:2], base[2] + _ELSEWHERE, *base[3:]]), joints)
+
+    def bring_back(self, robot: str) -> None:
+        """A robot that was out of sight is where it was."""
+        if robot in self._absent:
+            self._simulation.pose(robot, *self._absent.pop(robot))
+
     def close(self) -> None:
         """See :class:`Backend`."""
         self._simulation.close()
 
+    def _feel_movement(self) -> None:
+        """How fast the student's fastest limb turned in the step that has passed, rad/s."""
+        now = self._simulation.joints(STUDENT)
+        same_body = len(now) == len(self._before)
+        way = np.abs(now - self._before).max(initial=0.0) if same_body else 0.0
+        self._turned = float(way) / self._scenario.world.control_step
+        self._before = now
+
     def _expose_pair(self) -> Pair:
         rig = self._scenario.rig
-        rows, columns = IMAGE
-        height, width = rows * rig.supersample, columns * rig.supersample
+        places = eyes(rig, self._pan)
+        pictures = self._analytic.pictures(places, self._pan) if self._analytic else self._pictures(places)
+        exposed = [
+            read_out(
+                picture,
+                shape=IMAGE,
+                noise=rig.camera_noise,
+                rng=self._camera_rng,
+                blur=rig.blur,
+                gain=rig.gain,
+            )
+            for picture in pictures
+        ]
+        return np.stack(exposed)
+
+    def _pictures(self, places: Vector) -> Iterator[NDArray[np.float32]]:
+        """What cameras at these places (m, 3) see, by Bullet's renderer."""
+        rig = self._scenario.rig
+        width, height = IMAGE[1] * rig.supersample, IMAGE[0] * rig.supersample
         projection = projection_matrix(math.radians(rig.field_of_view_deg), width, height)
-        images = []
-        for eye in eyes(rig, self._pan):
-            ahead = np.array([math.sin(self._pan), math.cos(self._pan), 0.0])
-            colours, seen = self._simulation.picture(
-                view_matrix(eye, eye + ahead), projection, width=width, height=height, light=_light(rig)
-            )
-            images.append(
-                expose(
-                    colours,
-                    seen,
-                    background=rig.background,
-                    shape=IMAGE,
-                    noise=rig.camera_noise,
-                    rng=self._camera_rng,
-                )
-            )
-        return np.stack(images)
+        ahead = np.array([math.sin(self._pan), math.cos(self._pan), 0.0])
+        for place in places:
+            view = view_matrix(place, place + ahead)
+            drawn = self._simulation.picture(view, projection, width=width, height=height, light=_light(rig))
+            yield luminosities(*drawn, rig.background)
 
 
 def eyes(rig: RigSpec, pan: float) -> Vector:

@@ -23,6 +23,8 @@ from testbed.world.viewer import Viewer
 Observation = dict[str, NDArray[Any]]
 
 _OVERVIEW = (480, 320)
+FASTEST = 100.0
+"""rad/s: faster movements of the student look like this one."""
 
 
 class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: ignore[misc]
@@ -35,25 +37,36 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
 
     Observations are dicts. ``tilt`` (2,) rad, to the side and nose-down, with the sensor's noise; ``joints`` (n,) rad
     as commanded. The student also sees ``left`` and ``right``, (75, 100) uint8 luminosity. A teacher also feels
-    ``gaze`` (1,) rad: how far the rig's axis passes it by.
+    ``gaze`` (1,) rad: how far the rig's axis passes it by, and ``movement`` (1,) rad/s: how fast the student's fastest
+    limb turns.
 
     Rewards are for learning clients: the metres that a robot came along its starting direction in this step. The
     students of this project do not use them.
 
-    An episode never terminates and is truncated after ``scenario.world.max_cycles`` steps. The same seed gives the
+    An episode never terminates and is truncated after ``max_cycles`` steps. The same seed gives the
     same episode, bit for bit.
 
     Args:
         scenario: Who stands where. What it leaves to chance is drawn as for its first trial.
         render_mode: None, ``rgb_array`` or ``human`` (a window; needs a display).
         backend: The simulated world if not given.
+        max_cycles: Control steps in an episode; the scenario's own number if not given.
+        images: Whether the student sees; without ``left`` and ``right`` no picture is taken, which is much faster.
     """
 
     def __init__(
-        self, scenario: Scenario, *, render_mode: str | None = None, backend: Backend | None = None
+        self,
+        scenario: Scenario,
+        *,
+        render_mode: str | None = None,
+        backend: Backend | None = None,
+        max_cycles: int | None = None,
+        images: bool = True,
     ) -> None:
         self.scenario = scenario = drawn(scenario, 0)
         self.render_mode = render_mode
+        self._images = images
+        self._max_cycles = max_cycles or scenario.world.max_cycles
         self.metadata: dict[str, Any] = {
             "name": "whom_to_imitate_v0",
             "render_modes": ["rgb_array", "human"],
@@ -107,13 +120,14 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         pan = self.backend.pan
         for name in self.agents:
             space = self._actions[name]
-            action = np.clip(np.asarray(actions[name], dtype=float), space.low, space.high)
+            wanted = np.asarray(actions[name], dtype=float)
+            action = np.minimum(np.maximum(wanted, space.low), space.high)  # np.clip takes longer
             if name == STUDENT:
                 action, pan = action[:-1], float(action[-1])
             self._commands[name] = action
         self.backend.apply(self._commands, pan)
         self._cycle += 1
-        over = self._cycle >= self.scenario.world.max_cycles
+        over = self._cycle >= self._max_cycles
         acting = self.agents
         rewards = {name: self._advance(name) for name in acting}
         observations = self._observe()
@@ -153,18 +167,20 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         return self._progress[name] - before
 
     def _observe(self) -> dict[str, Observation]:
-        left, right = self.backend.look()
+        movement = min(self.backend.movement(STUDENT), FASTEST)
         observations: dict[str, Observation] = {}
         for name in self.agents:
             observations[name] = {
                 "tilt": self.backend.tilt(name).astype(np.float32),
                 "joints": self._commands[name].astype(np.float32),
             }
-            if name == STUDENT:
+            if name == STUDENT and self._images:
+                left, right = self.backend.look()
                 observations[name] |= {"left": left.copy(), "right": right.copy()}
-            else:
+            elif name != STUDENT:
                 passing = math.remainder(self.backend.pan - self._bearings[name], 2 * math.pi)
                 observations[name]["gaze"] = np.array([passing], dtype=np.float32)
+                observations[name]["movement"] = np.array([movement], dtype=np.float32)
         self._last = observations
         return observations
 
@@ -182,8 +198,9 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
             "tilt": spaces.Box(-2 * math.pi, 2 * math.pi, (2,), np.float32),
             "joints": spaces.Box(low, high),
         }
-        if name == STUDENT:
+        if name == STUDENT and self._images:
             senses |= {side: spaces.Box(0, 255, IMAGE, np.uint8) for side in ("left", "right")}
-        else:
+        elif name != STUDENT:
             senses["gaze"] = spaces.Box(-math.pi, math.pi, (1,), np.float32)
+            senses["movement"] = spaces.Box(0, FASTEST, (1,), np.float32)
         return spaces.Dict(senses)

@@ -35,35 +35,46 @@ def projection_matrix(horizontal_field: float, width: int, height: int) -> tuple
     return tuple(matrix.T.ravel().tolist())
 
 
-def expose(
-    colours: NDArray[np.uint8],
-    seen: NDArray[np.bool_],
+def luminosities(colours: NDArray[np.uint8], seen: NDArray[np.bool_], background: int) -> NDArray[np.float32]:
+    """(H, W) a rendered picture of colours (H, W, 3) as luminosities, with the background where no body is seen."""
+    luminosity = cv2.cvtColor(colours, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    luminosity[~seen] = background
+    return luminosity
+
+
+def read_out(
+    luminosity: NDArray[np.float32],
     *,
-    background: int,
     shape: tuple[int, int],
     noise: float,
     rng: np.random.Generator,
+    blur: float = 0.0,
+    gain: float = 1.0,
 ) -> NDArray[np.uint8]:
-    """What the sensor makes of a rendered picture.
+    """What the sensor makes of a picture.
 
-    Each pixel gathers the light of its whole area (the picture is finer than the sensor), then read-out noise is
-    added.
+    The lens blurs, each pixel gathers the light of its whole area (the picture is finer than the sensor) for as long as
+    it is exposed, then read-out noise is added.
 
     Args:
-        colours: (H, W, 3) rendered colours.
-        seen: (H, W) where a body is; elsewhere is background.
-        background: Luminosity of the background.
+        luminosity: (H, W) of the picture.
         shape: Rows and columns of the sensor.
         noise: Standard deviation of the read-out noise, grey levels.
         rng: Source of the noise.
+        blur: Standard deviation of a point's image, pixels of the sensor.
+        gain: How many times as long it is exposed.
 
     Returns:
         Luminosities of ``shape``, uint8.
     """
-    luminosity = cv2.cvtColor(colours, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    luminosity[~seen] = background
     rows, columns = shape
+    if blur:
+        spread = blur * luminosity.shape[1] / columns
+        blurred = cv2.GaussianBlur(luminosity, (0, 0), spread, borderType=cv2.BORDER_REPLICATE)
+        luminosity = blurred.astype(np.float32, copy=False)
     gathered = cv2.resize(luminosity, (columns, rows), interpolation=cv2.INTER_AREA)
+    if gain != 1.0:
+        gathered = np.minimum(gathered * gain, 255.0)
     noisy = gathered + rng.normal(0.0, noise, gathered.shape)
     exposed: NDArray[np.uint8] = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
     return exposed

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from testbed.frozen import Frozen
+from testbed.student.parameters.baselines import GlanceParameters
 from testbed.student.parameters.discovering import (
     ActiveDiscoveryParameters,
     DamageParameters,
@@ -39,6 +40,7 @@ __all__ = [
     "DamageParameters",
     "EmbodiedParameters",
     "FittingParameters",
+    "GlanceParameters",
     "HarmonicsParameters",
     "ImaginationParameters",
     "ImitationParameters",
@@ -79,6 +81,7 @@ class StudentParameters(Frozen):
     performing: PerformingParameters = PerformingParameters()
     likeness: LikenessParameters = LikenessParameters()
     verdict: VerdictParameters = VerdictParameters()
+    glance: GlanceParameters = GlanceParameters()
 
     @model_validator(mode="after")
     def _history_divides(self) -> StudentParameters:
