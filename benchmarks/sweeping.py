@@ -20,7 +20,7 @@ from testbed.scenario import Scenario, parse_scenario
 CELLS = 200
 MOST_OVERHEAD = 0.05  # s a cell
 SPEED_UP = 1.7
-HASHES = 350_000  # about a quarter of a second
+HASHES = 350_000  # about a tenth of a second
 SWEEP = """\
 name: light
 student: like_me
