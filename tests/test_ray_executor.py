@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 
 # Ray keeps much in its process: each scene has one of its own.
 KILLED_NODE = """
-    import sys, threading, time
+    import sys, time
     from pathlib import Path
 
     from ray.cluster_utils import Cluster
@@ -47,7 +47,10 @@ KILLED_NODE = """
     assert not outcome.failed, outcome.failed
     assert killer.finished_ones == 200, killer.finished_ones
     ray.init(address=cluster.address, log_to_driver=False)
-    print("alive", sum(node["Alive"] for node in ray.nodes()))
+    patience = time.monotonic() + 60  # the head declares a node dead after some missed health checks
+    while (alive := sum(node["Alive"] for node in ray.nodes())) != 2 and time.monotonic() < patience:
+        time.sleep(0.2)
+    print("alive", alive)
     ray.shutdown()
     cluster.shutdown()
 """
