@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from testbed.vision.camera import StereoRig
-from testbed.vision.foreground import find_candidates, without_others
+from testbed.vision.foreground import find_candidates, is_ahead, without_others
 
 RIG = StereoRig()
 DARK = 180
@@ -88,3 +88,20 @@ def test_who_stands_behind_is_found_once() -> None:
     assert found[0] == pytest.approx(0, abs=0.02) or found[1] == pytest.approx(0, abs=0.02)
     behind = max(found, key=abs)
     assert abs(abs(behind) - math.pi) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("outlines", "ahead"),
+    [
+        ([(45, 60)], True),  # 1 degree
+        ([(60, 74)], True),  # 9 degrees
+        ([(66, 80)], False),  # 12 degrees
+        ([(30, 100)], False),  # partly out of view: nobody knows
+        ([(0, 100)], True),  # too large for the view
+        ([(0, 20), (40, 62)], True),
+        ([(10, 35), (65, 90)], False),  # nobody in the middle
+        ([], False),
+    ],
+)
+def test_who_stands_straight_ahead(outlines: list[tuple[int, int]], ahead: bool) -> None:
+    assert is_ahead(view(*outlines), RIG, math.radians(10), dark_below=DARK) == ahead

@@ -221,5 +221,5 @@ def test_a_life_that_does_not_fit_the_episode_is_a_users_mistake(hasty: Scenario
 def test_a_candidate_is_at_most_one_teacher(
     hasty: Scenario, seen: tuple[float, ...], expected: object
 ) -> None:
-    candidates = tuple(SimpleNamespace(bearing=math.radians(bearing)) for bearing in seen)
+    candidates = tuple(SimpleNamespace(bearing=math.radians(bearing), distance=None) for bearing in seen)
     assert match(candidates, hasty) == expected  # type: ignore[arg-type]

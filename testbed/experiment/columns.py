@@ -75,6 +75,8 @@ VERDICTS: tuple[Column, ...] = (
     Column("best_other", "text", "", "which other body explains most"),
     Column("explained_by_other", "number", "", "how much that one explains, at most 1"),
     Column("crowded", "number", "", "share of its images in which another's outline ran into its own, 0 to 1"),
+    Column("hidden", "number", "", "share of its images in which somebody nearer stood before it, 0 to 1"),
+    Column("several", "number", "", "how clearly it lies at two distances: from .6 it may be several bodies, 0 to 1"),
     Column("verdict_since", "text", "", "the verdict again with what is left of its body, after damage"),
     Column("path_length", "number", "m", "truth: way of the student's main body while it imitated"),
     Column("path_forward", "number", "m", "truth: how far it came along its own axis"),

@@ -13,7 +13,7 @@ from testbed.experiment import performance, truth
 from testbed.experiment.record import Row
 from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
-from testbed.student.agent import Candidate
+from testbed.student.candidates import Candidate
 from testbed.student.forms import Modelled
 from testbed.student.mind import Judgement
 from testbed.student.moving.rolls import read_rolls
@@ -51,6 +51,8 @@ def _ends_of(name: str) -> tuple[str, str]:
 
 OF_A_FOUND_TEACHER = (
     "crowded",
+    "hidden",
+    "several",
     "probability",
     "reason",
     "controller_verdict",

@@ -81,14 +81,18 @@ from testbed.experiment.record import Row, TrialResult
 from testbed.experiment.self_report import damage_row, self_arrays, self_row
 from testbed.experiment.teacher_report import OF_A_FOUND_TEACHER, candidate_arrays, candidate_row
 from testbed.morphology import Morphology
-from testbed.scenario import Scenario
-from testbed.student.agent import Candidate, Life
+from testbed.scenario import Scenario, TeacherSpec
+from testbed.student.agent import Life
+from testbed.student.candidates import Candidate
 from testbed.world.placement import STUDENT, teacher_names
 
 Arrays = dict[str, NDArray[Any]]
 
 _MISSED_BY = math.radians(20)
 """A candidate seen further than this from any teacher is nobody's."""
+
+_DEPTH = math.radians(20)
+"""How much it counts, per e-fold, that a candidate of known distance is not where a teacher stood."""
 
 
 def report_trial(
@@ -150,7 +154,7 @@ def report_trial(
                 made = candidate_arrays(candidate, judgement, bodies[name], scenario, log, name)
                 arrays |= {f"{prefix}{name}/{key}": value for key, value in made.items()}
                 row |= candidate_row(judgement, made)
-                row["crowded"] = candidate.crowded
+                row |= {name: getattr(candidate, name) for name in ("crowded", "hidden", "several")}
                 if mind.name == life.leader and life.again:  # with the body that it has left
                     row["verdict_since"] = life.again[seen[name]].verdict.answer
                 if mind.name == life.leader and life.chosen == seen[name]:
@@ -161,20 +165,30 @@ def report_trial(
 
 
 def match(candidates: tuple[Candidate, ...], scenario: Scenario) -> dict[str, int]:
-    """Which candidate is which teacher, one to one: together the bearings differ least, and no pair by much."""
-    gaps = np.array(
-        [
-            [
-                abs(math.remainder(candidate.bearing - math.radians(teacher.bearing_deg), math.tau))
-                for candidate in candidates
-            ]
-            for teacher in scenario.teachers
-        ]
-    ).reshape(len(scenario.teachers), len(candidates))
+    """Which candidate is which teacher, one to one: together the bearings differ least, and no pair by much.
+
+    Of those that were told apart by their distances in the same direction these count too.
+    """
+    gaps, depths = (
+        np.array([[differ(candidate, teacher) for candidate in candidates] for teacher in scenario.teachers])
+        for differ in (_bearings_differ, _distances_differ)
+    )
+    gaps, depths = (table.reshape(len(scenario.teachers), len(candidates)) for table in (gaps, depths))
     # However far nobody's candidates are from everybody, they must not push others out of place.
-    pairs = zip(*linear_sum_assignment(np.minimum(gaps, _MISSED_BY)), strict=True)
+    pairs = zip(*linear_sum_assignment(np.minimum(gaps + depths, _MISSED_BY)), strict=True)
     names = teacher_names(scenario)
     return {names[teacher]: int(seen) for teacher, seen in pairs if gaps[teacher, seen] < _MISSED_BY}
+
+
+def _bearings_differ(candidate: Candidate, teacher: TeacherSpec) -> float:
+    return abs(math.remainder(candidate.bearing - math.radians(teacher.bearing_deg), math.tau))
+
+
+def _distances_differ(candidate: Candidate, teacher: TeacherSpec) -> float:
+    """In the same measure: a tenth of the way counts as some 2 degrees."""
+    if candidate.distance is None:
+        return 0.0
+    return _DEPTH * abs(math.log(candidate.distance / float(teacher.distance)))
 
 
 def _truth(scenario: Scenario, index: int, bodies: Mapping[str, Morphology]) -> str:

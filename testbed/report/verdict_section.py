@@ -8,6 +8,7 @@ from testbed.report.comparison import CONTROL, SAME, cell_table, robot_table, st
 from testbed.report.curves import reliability_figure, roc_figure
 from testbed.report.desk import Desk
 from testbed.report.failures import failure_gallery
+from testbed.report.words import in_the_way
 
 _FEW = 8  # a table of so many rows needs no unfolding
 
@@ -21,9 +22,9 @@ def verdicts(desk: Desk) -> str:
     if run.trial_count == 1:
         table = verdict_table(run.rows, many=False)
         if not several and not any(row.get("reason") for row in run.rows):
-            return html.section("Verdicts", table)
+            return html.section("Verdicts", table, _in_the_way(desk))
         told = candidate_table(run.rows, run.students)
-        return html.section("Verdicts", told, html.details("The numbers", table))
+        return html.section("Verdicts", told, _in_the_way(desk), html.details("The numbers", table))
     table = verdict_table(run.rows, many=True)
     return html.section(
         "Verdicts",
@@ -31,9 +32,15 @@ def verdicts(desk: Desk) -> str:
         _cells(desk),
         _robots(desk),
         failure_gallery(desk),
+        _in_the_way(desk),
         table if len(run.rows) <= _FEW else html.details(f"All {len(run.rows)} verdicts", table),
         lead=_about(desk),
     )
+
+
+def _in_the_way(desk: Desk) -> str:
+    said = in_the_way(desk.rows)
+    return f"<p>{html.text(said)}</p>" if said else ""
 
 
 def _about(desk: Desk) -> str:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from testbed.experiment.regret import regret
 from testbed.report.reading import Row
 from testbed.report.series import right_verdicts
 
+_NOTABLE = 0.1  # of the images
+_SEVERAL = 0.6  # how clear two distances are; from here on the student says so itself
 _NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
 
 
@@ -35,7 +38,7 @@ def explanation(rows: Sequence[Row], others: Sequence[Row] = ()) -> str:
     lost = [row for row in rows if not row["found"]]
     trials = {(row["cell"], row["trial"], row["student"]) for row in rows}
     if len(trials) == 1:
-        parts = [_about(row) for row in rows]
+        parts = [*(_about(row) for row in rows), _missed(rows)]
     else:
         imitated = [row for row in rows if row["chosen"]]
         good = sum(row["truth"] == "appropriate" for row in imitated)
@@ -53,7 +56,9 @@ def _beside(others: Sequence[Row]) -> list[str]:
     counts = []
     for student in students:
         own = [row for row in others if row["student"] == student]
-        counts.append(f"{student} was right about {sum(map(_is_right, own))} of {len(own)}")
+        alone = len({(row["cell"], row["trial"]) for row in own}) == 1
+        told = f" (regret {regret(own)})" if alone else ""
+        counts.append(f"{student} was right about {sum(map(_is_right, own))} of {len(own)}{told}")
     if not counts:
         return []
     listed = counts[0] if len(counts) == 1 else f"{', '.join(counts[:-1])} and {counts[-1]}"
@@ -85,6 +90,29 @@ def summary_facts(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return facts
 
 
+def in_the_way(rows: Sequence[Row]) -> str:
+    """Who could not be seen alone, in sentences; empty if everybody could.
+
+    Args:
+        rows: The verdicts of one student.
+    """
+    found = [row for row in rows if row["found"]]
+    hidden = sum((row.get("hidden") or 0) >= _NOTABLE for row in found)
+    crowded = sum((row.get("crowded") or 0) >= _NOTABLE > (row.get("hidden") or 0) for row in found)
+    several = sum((row.get("several") or 0) >= _SEVERAL for row in found)
+    said = []
+    if hidden:
+        said.append(f"{hidden} of {len(found)} candidates stood partly behind somebody else.")
+    if crowded:
+        said.append(f"The outlines of {crowded} of {len(found)} ran into another's.")
+    if several:
+        said.append(
+            f"{several} of {len(found)} lay at two distances: more than one body may have stood there, and a verdict "
+            "about them may be about two at once."
+        )
+    return " ".join(said)
+
+
 def _between(summary: Mapping[str, Any], name: str, *, percent: bool, n: int | None) -> str:
     low, high = summary.get(f"{name}_low"), summary.get(f"{name}_high")
     count = "" if n is None else f"N = {n}"
@@ -113,6 +141,23 @@ def _about(row: Row) -> str:
         return f"It did not find {name}, which is {row['truth']}."
     fit = "rightly" if row["truth"] == row["verdict"] else "wrongly"
     return f"It took {name} for an {row['verdict']} teacher, {fit}."
+
+
+def _missed(rows: Sequence[Row]) -> str:
+    """Regret of the choice in one world, in words."""
+    missed = regret(rows)
+    if missed == 0:
+        why = "no other would have been better"
+    elif missed == 2:
+        why = "an inappropriate teacher while an appropriate one was there"
+    else:
+        there = any(row["truth"] == "appropriate" for row in rows)
+        why = (
+            "nobody while an appropriate teacher was there"
+            if there
+            else "a teacher while none was appropriate"
+        )
+    return f"Regret of its choice: {missed} of at most 2, {why}."
 
 
 def _count(number: int) -> str:

@@ -18,33 +18,17 @@ from numpy.typing import NDArray
 from testbed.morphology import Vector
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.self_model import BodyPrior
+from testbed.student.candidates import Candidate, Sight, choose
 from testbed.student.insider import Insider
 from testbed.student.methods import MindPlan
 from testbed.student.mind import Judgement, Mind, Self
 from testbed.student.motion import Watched
 from testbed.student.senses import Acting, Observation, Progress, Senses
-from testbed.vision.foreground import find_candidates, without_others
+from testbed.vision.foreground import find_candidates
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """Somebody whom the student found, and what it made of it.
-
-    Attributes:
-        bearing: Where the student saw it, rad, positive to the right.
-        look_steps: (frames,) the student's action count when it took each frame.
-        watched: The frames.
-        judgements: What each mind made of it, by name.
-        crowded: In which share of the images somebody else's outline ran into its own.
-    """
-
-    bearing: float
-    look_steps: tuple[int, ...]
-    watched: Watched
-    judgements: Mapping[str, Judgement]
-    crowded: float = 0.0
+Looks = dict[str, tuple[int, ...]]
+"""Which of the frames of a candidate each mind asked for, by the mind's name."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +92,7 @@ class Student:
             for spec, own in zip(minds, _seeds_of_minds(seeds, len(minds)), strict=True)
         )
         self._joints, self._pan = np.zeros(len(prior.motors)), 0.0
+        self._sight = Sight(senses.rig, self._minds[0].parameters.looking.dark_below)
         self._steps = 0
         self._acting: Generator[NDArray[np.float32], Observation, Life] | None = None
         self.life: Life | None = None
@@ -124,29 +109,36 @@ class Student:
             return self._action()
         try:
             if self._acting is None:
-                self._acting = self._live()
+                self._acting = self._live(observation)
                 return next(self._acting)
             return self._acting.send(observation)
         except StopIteration as end:
             self.life = end.value
             return self._action()
 
-    def _live(self) -> Generator[NDArray[np.float32], Observation, Life]:
+    def _live(self, first: Observation) -> Generator[NDArray[np.float32], Observation, Life]:
         leader = self._minds[0]
+        yield from self._look_aside(leader, first)
         selves = {}
         for mind in self._minds:
             selves[mind.name] = yield from self._try(mind, mind.discover_itself())
 
-        candidates = []
+        candidates: list[Candidate] = []
         bearings = yield from self._look_around(leader)
-        for number, bearing in enumerate(bearings):
-            watched, steps, looks = yield from self._watch(bearing)
-            watched, crowded = self._alone(watched, bearing, bearings)
-            judgements = {
-                mind.name: mind.consider(number, watched, looks[mind.name], bearing=bearing, steps=steps)
-                for mind in self._minds
-            }
-            candidates.append(Candidate(bearing, steps, watched, judgements, crowded))
+        for bearing in bearings:
+            others = [other for other in bearings if other != bearing]
+            for seen, looks in (yield from self._tell_apart(bearing, others)):
+                judgements = {
+                    mind.name: mind.consider(
+                        len(candidates),
+                        seen.watched,
+                        looks[mind.name],
+                        bearing=seen.bearing,
+                        steps=seen.look_steps,
+                    )
+                    for mind in self._minds
+                }
+                candidates.append(seen.judged(judgements, self._sight.parameters))
 
         judged = [candidate.judgements[leader.name] for candidate in candidates]
         damage = yield from self._try(leader, leader.check_itself())
@@ -207,14 +199,36 @@ class Student:
             narrowest=math.radians(looking.narrowest_deg),
         )
 
-    def _watch(
-        self, bearing: float
-    ) -> Generator[
-        NDArray[np.float32], Observation, tuple[Watched, tuple[int, ...], dict[str, tuple[int, ...]]]
-    ]:
-        """Section 3.3: turn to a candidate and take the frames that the minds ask for.
+    def _look_aside(self, mind: Mind, seen: Observation) -> Generator[NDArray[np.float32], Observation, None]:
+        """Whoever is looked at performs and walks off: while the student is busy with itself it looks at nobody."""
+        for pan in (-self._senses.pan_limit, self._senses.pan_limit):
+            if self._sight.somebody_ahead(seen):
+                seen = yield from self._turn(pan, mind.parameters.looking.dwell_time)
 
-        Returns the frames, the action count at each, and which of them each mind asked for.
+    def _tell_apart(
+        self, bearing: float, others: Sequence[float]
+    ) -> Generator[NDArray[np.float32], Observation, list[tuple[Candidate, Looks]]]:
+        """Watch what stands in a direction; if it is two bodies at two distances, then each of them.
+
+        The paper takes an outline for one candidate, and so does a mind that models by its ``eea``.
+        """
+        seen, looks = yield from self._watch(bearing, others)
+        if self._minds[0].phases.teacher_modelling == "eea":
+            return [(seen, looks)]
+        seen, bodies = self._sight.parted(seen)
+        found, limit = [], self._senses.pan_limit
+        for body in bodies:
+            there = min(max(math.remainder(bearing + body.offset, math.tau), -limit), limit)
+            both, looks = yield from self._watch(there, others)
+            found.append((self._sight.only(both, body), looks))
+        return found or [(seen, looks)]
+
+    def _watch(
+        self, bearing: float, others: Sequence[float]
+    ) -> Generator[NDArray[np.float32], Observation, tuple[Candidate, Looks]]:
+        """Section 3.3: turn to a candidate and take the frames that the minds ask for; the others are left out.
+
+        Returns what was seen, and which of the frames each mind asked for.
         """
         step = self._senses.control_step
         turning = abs(bearing - self._pan) / self._senses.pan_speed
@@ -230,14 +244,7 @@ class Student:
             steps.append(self._steps)
         watched = Watched(np.array(frames), np.array(due) * step - turning)
         looks = {name: tuple(due.index(look) for look in looks) for name, looks in wanted.items()}
-        return watched, tuple(steps), looks
-
-    def _alone(self, watched: Watched, bearing: float, bearings: Sequence[float]) -> tuple[Watched, float]:
-        """The frames without the other candidates, and in which share of them that could not be done."""
-        others = [math.remainder(other - bearing, math.tau) for other in bearings if other != bearing]
-        dark_below = self._minds[0].parameters.looking.dark_below
-        alone = without_others(watched.frames, self._senses.rig, others, dark_below=dark_below)
-        return Watched(alone.frames, watched.times), float(alone.touched.mean())
+        return self._sight.alone(Candidate(bearing, tuple(steps), watched, {}), others), looks
 
     def _perform(self, commands: Vector) -> Generator[NDArray[np.float32], Observation, int]:
         """The evolved controller drives the student itself, one command a control step."""
@@ -267,12 +274,6 @@ class Student:
 
     def _action(self) -> NDArray[np.float32]:
         return np.append(self._joints, self._pan).astype(np.float32)
-
-
-def choose(judgements: Sequence[Judgement]) -> int | None:
-    """The appropriate candidate with the highest score; None if nobody is appropriate."""
-    like_me = [i for i, judgement in enumerate(judgements) if judgement.verdict.answer == "appropriate"]
-    return max(like_me, key=lambda i: judgements[i].verdict.score, default=None)
 
 
 def _seeds_of_minds(seeds: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:

@@ -98,9 +98,7 @@ def without_others(
     kept = frames.copy()
     for where in np.ndindex(*touched.shape):
         image = frames[where]
-        dark = np.flatnonzero(foreground(image, dark_below).any(axis=0))
-        for outline in np.split(dark, np.flatnonzero(np.diff(dark) > gap) + 1) if dark.size else []:
-            first, last = int(outline[0]), int(outline[-1]) + 1
+        for first, last in _outlines(image, dark_below, gap):
             own = _beside(0.0, angles[first], angles[last])
             nearest = min(_beside(other, angles[first], angles[last]) for other in near)
             if own == nearest == 0:
@@ -109,6 +107,29 @@ def without_others(
                 margin = slice(max(first - 1, 0), last + 1)
                 kept[where][:, margin] = np.median(image)
     return Alone(kept, touched)
+
+
+def is_ahead(
+    image: NDArray[np.uint8], rig: StereoRig, within: float, *, dark_below: int, gap: int = 2
+) -> bool:
+    """Whether the middle of somebody in an image is less than ``within`` (rad) from its middle.
+
+    Who stands half out of view does not count, for where its middle is cannot be told.
+    """
+    for first, last in _outlines(image, dark_below, gap):
+        middle = (first + last) / 2 - rig.width / 2
+        if (first == 0) == (last == rig.width) and abs(math.atan(middle / rig.focal)) < within:
+            return True
+    return False
+
+
+def _outlines(image: NDArray[np.uint8], dark_below: int, gap: int) -> list[tuple[int, int]]:
+    """First column of each outline in an image, and the one after its last; so many light columns part two."""
+    dark = np.flatnonzero(foreground(image, dark_below).any(axis=0))
+    if not dark.size:
+        return []
+    parts = np.split(dark, np.flatnonzero(np.diff(dark) > gap) + 1)
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
 
 def _beside(direction: float, first: float, last: float) -> float:

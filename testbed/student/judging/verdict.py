@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -28,6 +28,10 @@ class Verdict:
     score: float
     probability: float | None = None
     reason: str = ""
+
+    def but(self, words: str) -> Verdict:
+        """The same answer with what speaks against trusting it; who gives no reasons says nothing."""
+        return replace(self, reason=f"{self.reason}; {words}") if words and self.reason else self
 
 
 def judge(errors: Vector, terms: int, parameters: VerdictParameters) -> Verdict:

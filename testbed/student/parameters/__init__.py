@@ -95,6 +95,9 @@ class StudentParameters(Frozen):
 
     def smoke(self) -> StudentParameters:
         """The same student in a hurry: every phase runs, none long enough to mean anything."""
+        data = self.model_dump()
+        hasty = {"key_frames": 3, "rounds": 1, "iterations": 5, "lengths": (1.0,)}
+        hasty["posing"] = data["embodied"]["fitting"]["posing"] | {"places": 4, "rolls": 6, "angles": 12}
         short: dict[str, dict[str, object]] = {
             "self_discovery": {"commands": 3, "iterations": 4, "settle_time": 0.5},
             "teacher_modelling": {"passes_per_image": 30},
@@ -102,10 +105,10 @@ class StudentParameters(Frozen):
             "active_discovery": {"commands": 4, "evaluations": 200},
             "self_check": {"checks": 1},
             "watching": {"duration": 1.0, "rate": 8.0},
+            "embodied": {"finalists": 1, "fitting": data["embodied"]["fitting"] | hasty},
             "rehearsal": {"samples": 12, "restarts": 2, "climbing": 4},
             "performing": {"practice": 2, "cycles": 1.0, "seconds": 2.0},
         }
-        data = self.model_dump()
         for phase, changes in short.items():
             data[phase] = {**(data[phase] or {}), **changes}
         modelling = data["teacher_modelling"]
