@@ -14,11 +14,12 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError
 
+from testbed.collada_reading import read_collada
 from testbed.errors import UserError
 from testbed.parts import Vector
 from testbed.urdf_reading import Geometry
 
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
+MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".off", ".glb")
 _LARGEST_MESH = 1 << 26  # bytes
 _CONVEX_ENOUGH = 0.5
 """A mesh that fills less of its convex hull than this is taken apart into convex pieces."""
@@ -27,6 +28,8 @@ _DIRECTIONS = 96
 """A convex piece keeps its farthest corners in so many directions: a detailed one makes Bullet thirty times slower."""
 _SMALLEST = 1e-9  # m3
 _THINNEST = 1e-3  # m
+_FLAT = 1e-9
+"""A hull that fills less of the cube of its size than this has no volume to reckon with: a centre of mass, say."""
 
 
 @dataclass(frozen=True)
@@ -135,13 +138,9 @@ def _loaded(path: Path, changed: int, size: int) -> trimesh.Trimesh:
     if size > _LARGEST_MESH:
         raise UserError("the mesh has more than 64 MB", "give a coarser one", file=path)
     try:
-        mesh: Any = trimesh.load(
-            io.BytesIO(path.read_bytes()),
-            file_type=path.suffix.lower()[1:],
-            force="mesh",
-            skip_materials=True,
-        )
-        surface = trimesh.Trimesh(mesh.vertices, mesh.faces)
+        surface = _surface(path.read_bytes(), path)
+    except UserError:
+        raise
     except Exception as error:  # readers of a dozen formats fail in as many ways
         raise UserError(
             f"the mesh cannot be read ({type(error).__name__})", "export it anew", file=path
@@ -151,6 +150,15 @@ def _loaded(path: Path, changed: int, size: int) -> trimesh.Trimesh:
     return surface
 
 
+def _surface(raw: bytes, path: Path) -> trimesh.Trimesh:
+    kind = path.suffix.lower()[1:]
+    if kind == "dae":
+        return read_collada(raw, path)
+    mesh: Any = trimesh.load(io.BytesIO(raw), file_type=kind, force="mesh", skip_materials=True)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces)
+
+
+@np.errstate(invalid="ignore", divide="ignore")  # flat ones have no centre of mass
 def _convex(mesh: trimesh.Trimesh, *, whole: bool) -> list[trimesh.Trimesh]:
     """Convex pieces that together are about the mesh: its hull where that is near enough."""
     hull = _hull(mesh)
@@ -167,11 +175,15 @@ def _hull(mesh: trimesh.Trimesh) -> Any:
         hull = mesh.convex_hull
         corners = np.asarray(hull.vertices)
         farthest = np.unique(np.argmax(corners @ _directions().T, axis=0))
-        return hull if len(farthest) == len(corners) else trimesh.convex.convex_hull(corners[farthest])
-    except QhullError:  # it is flat: a thin plate
-        plate = trimesh.creation.box(np.maximum(mesh.extents, _THINNEST))
-        plate.apply_translation(mesh.bounds.mean(axis=0))
-        return plate
+        if len(farthest) < len(corners):
+            hull = trimesh.convex.convex_hull(corners[farthest])
+        if abs(float(hull.volume)) > _FLAT * float(hull.area) ** 1.5:
+            return hull
+    except QhullError:
+        pass
+    plate = trimesh.creation.box(np.maximum(mesh.extents, _THINNEST))  # it is flat
+    plate.apply_translation(mesh.bounds.mean(axis=0))
+    return plate
 
 
 def _directions() -> Vector:

@@ -226,7 +226,7 @@ def load_robot(name: str | Path) -> Morphology:
         UserError: If there is no such robot, or its description is wrong.
     """
     path = Path(name) if Path(name).suffix else robot_path(str(name))
-    if path.suffix.lower() == ".urdf":
+    if path.suffix.lower() in (".urdf", ".xacro"):
         from testbed.urdf_bodies import read_urdf  # made of bodies; meshes are slow to load
 
         return read_urdf(path.absolute())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from testbed.morphology import Morphology
 
 MOST_LIMBS = 26
-_SUFFIXES = (".yaml", ".yml", ".urdf", ".csv", ".parquet")
+_SUFFIXES = (".yaml", ".yml", ".urdf", ".xacro", ".csv", ".parquet")
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 

@@ -81,6 +81,9 @@ def read_urdf_file(path: Path) -> UrdfFile:
     root = read_xml(path)
     if root.tag != "robot":
         raise UserError(f"this is no URDF: it begins with <{root.tag}>", "", file=path, line=root.line)
+    for element in root.children:
+        if element.tag.startswith("xacro:"):
+            raise _unexpanded(path, element)
     reader = _Reader(path, root)
     links = {_text(link, "name", path): reader.link(link) for link in root.all("link")}
     if not links:
@@ -219,14 +222,23 @@ class _Reader:
         return pose
 
     def _numbers(self, element: Element, key: str, count: int) -> tuple[float, ...]:
+        told = element.attributes.get(key, "")
         try:
-            numbers = tuple(float(number) for number in element.attributes.get(key, "").split())
+            numbers = tuple(float(number) for number in told.replace(",", " ").split())
         except ValueError:
             numbers = ()
-        if len(numbers) != count or not all(map(math.isfinite, numbers)):
-            what = f"'{key}' of <{element.tag}> must be {count} finite number{'s' * (count > 1)}"
-            raise UserError(what, f"write {' '.join('0' * count)}", file=self.path, line=element.line)
-        return numbers
+        if len(numbers) == count and all(map(math.isfinite, numbers)):
+            return numbers
+        if "${" in told or "$(" in told:
+            raise _unexpanded(self.path, element)
+        what = f"'{key}' of <{element.tag}> must be {count} finite number{'s' * (count > 1)}"
+        mend = f"write {count}" + (f", not '{told[:40]}'" if told else "")
+        raise UserError(what, mend, file=self.path, line=element.line)
+
+
+def _unexpanded(path: Path, element: Element) -> UserError:
+    mend = "expand it with ROS's xacro, `xacro robot.xacro > robot.urdf`, and give that file"
+    return UserError("this is xacro and not yet URDF", mend, file=path, line=element.line)
 
 
 def _text(element: Element, key: str, path: Path) -> str:

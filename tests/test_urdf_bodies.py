@@ -210,7 +210,13 @@ def test_what_a_urdf_says(urdf: Path) -> None:
         ("</robot>", "", "no well-formed XML"),
         ("arm.stl", "leg.stl", "two.urdf:9: mesh 'leg.stl' is not there"),
         ("arm.stl", "../../../../../../etc/passwd", "meshes are not read"),
-        ('value="0.5"', 'value="x"', "two.urdf:8: 'value' of <mass> must be 1 finite number"),
+        (
+            'value="0.5"',
+            'value="x"',
+            "two.urdf:8: 'value' of <mass> must be 1 finite number; write 1, not 'x'",
+        ),
+        ('value="0.5"', 'value="${m}"', "two.urdf:8: this is xacro and not yet URDF; expand it"),
+        ('<link name="arm">', '<xacro:arm/><link name="arm">', "two.urdf:7: this is xacro"),
         ('<child link="arm"/>', '<child link="leg"/>', "the joint's child 'leg' is no link"),
         ('type="revolute"', 'type="elastic"', "there are no elastic joints"),
         ('<parent link="base"/><child link="arm"/>', '<parent link="arm"/><child link="arm"/>', "ring"),
@@ -224,10 +230,34 @@ def test_mistakes_in_urdf_files(urdf: Path, old: str, new: str, said: str) -> No
     assert said in str(caught.value)
 
 
+def test_a_xacro_file_is_told_how_to_become_urdf(urdf: Path) -> None:
+    named = urdf.with_suffix(".xacro")
+    named.write_text(URDF.replace('value="0.5"', 'value="${m}"', 1))
+    with pytest.raises(UserError, match=r"two.xacro:8: this is xacro and not yet URDF; expand it"):
+        load_robot(str(named))
+
+
 def test_a_mesh_that_is_none(urdf: Path) -> None:
     (urdf.parent / "arm.stl").write_bytes(b"no mesh at all")
     with pytest.raises(UserError, match=r"arm.stl.*mesh"):
         load_robot(urdf)
+
+
+def test_blank_lines_before_and_zeros_behind_do_no_harm(urdf: Path) -> None:
+    parts = load_robot(urdf).parts
+    urdf.write_bytes(b"\n\n" + urdf.read_bytes() + b"\n\0")
+    assert load_robot(urdf).parts == parts
+    urdf.write_bytes(b"\n\n" + URDF.replace('value="0.5"', 'value="x"').encode())
+    with pytest.raises(UserError, match="urdf:10: 'value'"):
+        load_robot(urdf)
+
+
+def test_a_robot_with_collada_meshes_is_kept_with_the_run(urdf: Path) -> None:
+    load_mesh(urdf.parent / "arm.stl").export(urdf.parent / "arm.dae")
+    before = load_robot(urdf)
+    urdf.write_text(URDF.replace("arm.stl", "arm.dae"))
+    np.testing.assert_allclose(load_robot(urdf).reach(), before.reach(), atol=1e-6)
+    assert any(name.endswith(".dae") for name in copies_of(urdf))
 
 
 def test_mirrored_meshes_are_not_inside_out(urdf: Path) -> None:
