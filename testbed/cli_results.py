@@ -29,7 +29,7 @@ def query(
     ] = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV, and nothing else.")] = False,
 ) -> None:
-    """Ask runs in SQL (DuckDB): tables verdicts, selves and trials; a column `run` tells several runs apart."""
+    """Ask runs in SQL (DuckDB): tables verdicts, selves, trials and cells; a column `run` tells several runs apart."""
     from rich.console import Console
 
     if as_json and as_csv:

@@ -241,7 +241,9 @@ def test_a_reader_that_goes_away_is_no_traceback() -> None:
 
 
 def test_every_command_has_help_with_an_example(say: Any) -> None:
-    for command in ("run", "check", "list", "show", "report"):
+    commands = {command.name or command.callback.__name__ for command in cli.app.registered_commands}
+    assert {"run", "check", "list", "show", "report", "query", "export"} <= commands
+    for command in commands:
         status, out, _ = say(command, "--help")
         assert status == 0
         assert f"Example: testbed {command}" in " ".join(out.split())

@@ -11,7 +11,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from trial_builder import compute, scenario_of, trial_result
 
@@ -20,9 +20,11 @@ from testbed.errors import UserError
 from testbed.experiment import runner, tables
 from testbed.experiment.columns import SELVES, TABLES, VERDICTS, as_markdown, listed
 from testbed.experiment.executor import Progress
-from testbed.experiment.jobs import Job
+from testbed.experiment.jobs import Job, jobs_of
 from testbed.experiment.query import Answer, ask
 from testbed.experiment.record import TrialResult
+from testbed.experiment.run_directory import RunDirectory
+from testbed.experiment.runner import summed_up
 from testbed.experiment.trial_files import _FLAGS, _TEXT, _WHOLE, encode
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -216,6 +218,32 @@ def test_rows_kept_together_are_the_same_and_follow_the_files(run: Path, tmp_pat
 
 
 @pytest.mark.usefixtures("few_are_many")
+def test_a_run_keeps_its_rows_for_the_first_question(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    big = copied(run, tmp_path / "big")
+    directory = RunDirectory.open(big)
+    jobs = jobs_of(directory.scenario)
+    (big / tables.KEPT).unlink(missing_ok=True)  # of another test
+    summed_up(directory)
+    assert (big / tables.KEPT).is_file()
+    (big / tables.KEPT).unlink()
+    tables.keep(directory, jobs[:2], [])
+    assert not (big / tables.KEPT).exists()  # two are not many
+    tables.keep(directory, jobs, [row for job in jobs for row in directory.read_rows(job)])
+    everything = "SELECT * EXCLUDE (run) FROM verdicts ORDER BY ALL"
+    before = answer(run, everything)
+    written = (big / tables.KEPT).stat().st_mtime_ns
+    tables.keep(directory, jobs, [])  # it is fresh
+    assert (big / tables.KEPT).stat().st_mtime_ns == written
+    with monkeypatch.context() as patch:
+        patch.setattr(tables, "_contents", lambda path: pytest.fail(f"{path} was read"))
+        assert answer(big, everything) == before
+    (big / "trials" / "default" / "3.parquet").write_bytes(b"rubbish")  # stale now
+    assert [damage.job.trial for damage in ask([big], everything).damaged] == [3]
+
+
+@pytest.mark.usefixtures("few_are_many")
 def test_a_copy_that_is_rubbish_or_cannot_be_written_does_no_harm(run: Path, tmp_path: Path) -> None:
     big = copied(run, tmp_path / "big")
     before = answer(run, "SELECT sum(score) FROM verdicts")
@@ -241,6 +269,7 @@ values = st.one_of(st.none(), st.booleans(), st.integers(-(2**60), 2**60), st.fl
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(values, values), max_size=4))
+@example([("\r0", "a\nb"), (None, '"')])
 def test_answers_survive_json_and_csv(rows: list[tuple[Any, Any]]) -> None:
     given_ = Answer(("a", "b"), tuple(rows))
     told = json.loads(given_.as_json(), parse_constant=lambda name: pytest.fail(name))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ def test_it_tells_what_holds_and_what_does_not(told: tuple[str, Path]) -> None:
     assert "at scale 1, camera noise 10" in page or "at camera noise 10" in page
     assert "1 condition cannot be: scale 0.5, camera noise 10. E.g.: it is too small to be seen." in page
     assert (out / "figures" / "sweep-sweep.svg").is_file()
+    narrow = re.search(r"<td>(.0\.\d{3})<br><small>(.0\.\d{3} to .0\.\d{3})</small></td>", page)
+    assert narrow, "intervals of differences stand below them"
 
 
 def test_it_does_not_claim_what_few_trials_cannot_show(tmp_path: Path) -> None:

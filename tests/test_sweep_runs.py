@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from testbed.experiment.executor import Progress
 from testbed.experiment.jobs import Job, jobs_of
 from testbed.experiment.record import TrialResult
 from testbed.experiment.runner import executor_for, run
+from testbed.scenario import cell_names, check, parse_scenario
 
 HERE = Path(__file__).parent
 BROKEN, MISTAKEN = Job("scale_0.5+camera_noise_1", 0), Job("scale_1+camera_noise_1", 0)
@@ -124,18 +126,9 @@ def _bytes(folder: Path) -> bytes:
     return (folder / "verdicts.json").read_bytes()
 
 
-@pytest.mark.parametrize(("name", "block"), [("generalisation", "size_and_distance"), ("reality_gap", "gap")])
-def test_a_short_version_of_each_shipped_sweep_runs(name: str, block: str, tmp_path: Path) -> None:
-    from testbed.report.page import write_report
-    from testbed.scenario import load_scenario, with_overrides
-
-    whole = with_overrides(load_scenario(name), smoke=True)
-    short = whole.model_copy(update={"sweep": {block: whole.sweep[block]}})
-    outcome = run(short, out=tmp_path)
-    assert not outcome.failed
-    assert len(outcome.verdicts["cells"]) == 2
-    assert outcome.verdicts["split"] == "development"
-    page = write_report(tmp_path).read_text()
-    assert "Does it hold elsewhere?" in page
-    assert "cannot tell at this N" in page
-    assert (tmp_path / "figures" / f"sweep-{block}.svg").is_file()
+def test_the_sweep_of_the_documentation_can_be_run() -> None:
+    text = (HERE.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    block = text[text.index("    trials: 20") : text.index("`testbed check FILE`")]
+    scenario = parse_scenario(textwrap.dedent(block), "sweeps.md")
+    check(scenario)
+    assert len(cell_names(scenario)) == 3 * 5  # one of them is the control

@@ -61,13 +61,8 @@ class Answer:
 
     def as_csv(self) -> str:
         """A header and a line a row; missing values are empty, flags ``true`` and ``false``."""
-        sink = io.StringIO()
-        writer = csv.writer(sink, lineterminator="\n")
-        writer.writerow(self.names)
-        writer.writerows(
-            [str(each).lower() if isinstance(each, bool) else each for each in row] for row in self.rows
-        )
-        return sink.getvalue()
+        plain = ([str(each).lower() if isinstance(each, bool) else each for each in row] for row in self.rows)
+        return "".join(f"{_csv_line(row)}\n" for row in (self.names, *plain))
 
 
 def ask(folders: Sequence[Path], sql: str, progress: Progress = lambda done, total: None) -> Answer:
@@ -75,7 +70,7 @@ def ask(folders: Sequence[Path], sql: str, progress: Progress = lambda done, tot
 
     Args:
         folders: Run directories; the column ``run`` tells them apart.
-        sql: One statement that reads, in DuckDB's dialect, from ``verdicts``, ``selves`` and ``trials``.
+        sql: One statement that reads, in DuckDB's dialect, from the tables of :mod:`testbed.experiment.columns`.
         progress: Told how many files are read, where it takes long.
 
     Raises:
@@ -150,6 +145,12 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
             distinct, number = f"{name}_{number}", number + 1
         found.append(distinct)
     return tuple(found)
+
+
+def _csv_line(row: Sequence[Any]) -> str:
+    sink = io.StringIO()
+    csv.writer(sink, lineterminator="\r\n").writerow(row)  # what ends lines is quoted: here either character
+    return sink.getvalue().removesuffix("\r\n")
 
 
 def _plain(value: Any) -> Any:

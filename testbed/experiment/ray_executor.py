@@ -97,6 +97,9 @@ def _connected(address: str | None, workers: int | None) -> Iterator[Any]:
         os.environ.setdefault(
             "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0"
         )  # listen to this machine only, whichever it is
+        os.environ.setdefault(
+            "RAY_worker_niceness", "0"
+        )  # beside others' work as quick as processes, not starved
     try:
         import ray
     except ImportError:

@@ -1,9 +1,9 @@
 """The rows of runs as Arrow tables, with the columns of :mod:`testbed.experiment.columns`.
 
-To open ten thousand small Parquet files takes any reader half a minute. Where many have been read their rows are
-therefore kept together in ``.rows.parquet``, with size and date of every file that they are from: a file that is new or
-has changed since is read again. The copy is a convenience: nothing is lost with it, and where it cannot be written
-nothing is said.
+To open ten thousand small Parquet files takes any reader half a minute. Where there are many their rows are therefore
+kept together in ``.rows.parquet``, by the run when it sums up and by who reads them, with size and date of every file
+that they are from: a file that is new or has changed since is read again. The copy is a convenience: nothing is lost
+with it, and where it cannot be written nothing is said.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from testbed.scenario_variation import is_distribution
 
 KEPT = ".rows.parquet"
 MANY = 200
-"""Rows are kept together once so many files had to be read."""
+"""Rows are kept together where there are so many files."""
 
 _STAMPS = b"testbed.stamps"
 _TYPES = {"text": pa.string(), "whole": pa.int64(), "number": pa.float64(), "flag": pa.bool_()}
@@ -81,6 +81,22 @@ def read_tables(folders: Sequence[Path], progress: Progress = lambda done, total
         {name: _joined([tables[name] for tables, _ in read], columns) for name, columns in TABLES.items()},
         tuple(damage for _, damaged in read for damage in damaged),
     )
+
+
+def keep(run: RunDirectory, jobs: Sequence[Job], rows: Sequence[Row]) -> None:
+    """Keep all rows of a run together, for the first question about them; those of few trials are read soon enough.
+
+    Args:
+        run: The run.
+        jobs: Its finished trials.
+        rows: All their rows, as they are on the disk.
+    """
+    if len(jobs) < MANY:
+        return
+    files = _files(run.path, dict.fromkeys(job.cell for job in jobs))
+    stamps = {place_of(job): files.get(f"{place_of(job)}.parquet", "") for job in jobs}
+    if _kept(run.path)[1] != stamps:
+        _keep(run.path, _table(rows), stamps)
 
 
 def run_names(folders: Sequence[Path]) -> tuple[str, ...]:

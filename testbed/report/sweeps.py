@@ -21,6 +21,7 @@ from testbed.report.comparison import figure_with, share
 from testbed.report.desk import Desk
 from testbed.report.reading import Row, chosen_rows
 from testbed.report.sweep_figures import axis_figure, labelled, sign, tile_figure
+from testbed.report.trend_figures import trend_figure
 from testbed.scenario import sweep_of
 from testbed.scenario_points import Block
 from testbed.scenario_sweep import UNNAMED, level_name
@@ -76,8 +77,15 @@ def _block(desk: Desk, block: Block, *, alone: bool) -> str:
         "<em>likely</em> if only where a condition is looked at by itself) or neither (<em>open</em>). Hatched: cannot "
         "be, or not finished.",
     )
+    trends = desk.picture(
+        trend_figure(block, rows),
+        f"sweep-{block.name}",
+        f"Right verdicts and scores along {about}",
+        "A dot is a condition, whose other parameters differ as well; the line is the local mean over all of them with "
+        "its 95% interval over conditions and trials. The control is the open circle.",
+    )
     lines = desk.picture(
-        None if tiles else axis_figure(block, control, by_axis),
+        None if tiles or trends else axis_figure(block, control, by_axis),
         f"sweep-{block.name}",
         f"AUC and right verdicts along {about}",
         "Each condition with its 95% interval; the control is the open circle, its interval the band.",
@@ -86,7 +94,14 @@ def _block(desk: Desk, block: Block, *, alone: bool) -> str:
     listed = table if len(others) <= _FEW else html.details(f"All {len(others)} conditions", table)
     knowing = _knowing(desk, block)
     return "".join(
-        [title, _claims(claims, block), tiles or lines, listed, knowing, _missing(desk, block, others)]
+        [
+            title,
+            _claims(claims, block),
+            tiles or trends or lines,
+            listed,
+            knowing,
+            _missing(desk, block, others),
+        ]
     )
 
 
@@ -167,7 +182,9 @@ def _measured(measured: Measured, measure: str, margin: float, *, is_control: bo
         return [shown, "the control", ""]
     if measured.difference is None:
         return [shown, html.number(None), "open"]
-    return [shown, html.text(_gap(measured.difference)), sign(measured, margin)]
+    gap, _, ends = _gap(measured.difference).partition(" (")
+    below = f"<br><small>{ends.rstrip(')')}</small>" if ends else ""
+    return [shown, gap + below, sign(measured, margin)]
 
 
 def _knowing(desk: Desk, block: Block) -> str:
