@@ -25,7 +25,7 @@ leaderboard: $(STAMP)
 	$(BIN)/testbed run leaderboard
 
 test: $(TOOLS)
-	$(BIN)/python -m pytest -n 2 -q -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q -m "not slow"
 
 # pre-commit needs a git checkout; in an unpacked archive its three commands do the same.
 lint: $(TOOLS)

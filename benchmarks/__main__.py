@@ -20,11 +20,14 @@ def main() -> int:
     file = Path(__file__).parent / "results.json"
     file.write_text(json.dumps({"rows": rows, "machine": machine}, indent=2) + "\n")
 
-    table = Table("what", "against", "times faster", "95% interval", "target", "met", title="Benchmarks")
+    columns = ("what", "against", "times faster", "95% interval", "target", "met", "note")
+    table = Table(*columns, title="Benchmarks")
     for row in rows:
-        interval = f"{row['ratio_low']:.1f} to {row['ratio_high']:.1f}"
+        interval = f"{row['ratio_low']:.3g} to {row['ratio_high']:.3g}"
         met = "yes" if row["met"] else "NO"
-        table.add_row(row["name"], row["peer"], f"{row['ratio']:.1f}", interval, f"{row['target']:g}", met)
+        table.add_row(
+            row["name"], row["peer"], f"{row['ratio']:.3g}", interval, f"{row['target']:g}", met, row["note"]
+        )
     console = Console()
     console.print(table)
     console.print(f"written to {file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file}")

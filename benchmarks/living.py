@@ -10,6 +10,7 @@ import pybullet
 
 from benchmarks.measure import Row, against, row
 from testbed.experiment.trial import live, run_trial, senses_of, silent, student_of
+from testbed.experiment.witness import Witness
 from testbed.morphology import load_robot
 from testbed.scenario import load_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
@@ -53,7 +54,7 @@ def one_candidate() -> Row:
     world = World(scenario, backend=backend)
     student = student_of(scenario, np.random.SeedSequence(1))
     try:
-        live(world, backend, student, seed=1)
+        live(world, backend, student, 1, Witness(scenario, backend))
     finally:
         world.close()
     life, seconds = student.life, []

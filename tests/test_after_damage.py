@@ -95,6 +95,7 @@ def test_with_a_limb_lost_another_teacher_is_like_it() -> None:
     text = """
 seed: 7
 student: {method: like_me, robot: crawler, damage: {limb_lost: limb_b, at: 34}}
+rig: {camera_rate: 5}
 teachers:
   - robot: two_part
     bearing_deg: 25

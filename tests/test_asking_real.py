@@ -17,7 +17,7 @@ from testbed.experiment.columns import SELVES, VERDICTS
 from testbed.experiment.jobs import Job
 from testbed.experiment.minari_export import export
 from testbed.experiment.query import ask
-from testbed.experiment.relive import ACTIONS, relive
+from testbed.experiment.relive import ACTIONS, Episode, relive
 from testbed.experiment.run_directory import RunDirectory
 from testbed.experiment.trial_files import decode, encode
 from testbed.scenario import load_scenario, with_overrides
@@ -27,10 +27,18 @@ JOB = Job("default", 0)
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A life of `like_me` with the paper's student beside it, cut down to seconds."""
+    """A life of `like_me` with the paper's student beside it, cut down to seconds, and fewer and coarser pictures."""
     path = tmp_path_factory.mktemp("runs") / "real"
-    runner.run(with_overrides(load_scenario("whom_to_imitate"), smoke=True), out=path)
+    scenario = with_overrides(load_scenario("whom_to_imitate"), smoke=True)
+    rig = scenario.rig.model_copy(update={"camera_rate": 5.0, "supersample": 1})
+    runner.run(scenario.model_copy(update={"rig": rig}), out=path)
     return path
+
+
+@pytest.fixture(scope="module")
+def episode(run: Path) -> Episode:
+    """The same life, lived again."""
+    return relive(RunDirectory.open(run), JOB)
 
 
 @pytest.fixture
@@ -58,6 +66,12 @@ def test_real_rows_have_exactly_the_documented_columns(run: Path) -> None:
         assert ask([run], f"FROM {table}").names == tuple(each.name for each in columns)
 
 
+def test_every_student_judges_every_teacher(run: Path) -> None:
+    told = json.loads((run / "verdicts.json").read_text())
+    assert [row["student"] for row in told["verdicts"]] == ["like_me", "like_me", "paper", "paper"]
+    assert [row["student"] for row in told["selves"]] == ["like_me", "paper"]
+
+
 def test_an_answer_is_what_verdicts_json_says(run: Path) -> None:
     told = json.loads((run / "verdicts.json").read_text())["verdicts"]
     found = ask(
@@ -68,8 +82,7 @@ def test_an_answer_is_what_verdicts_json_says(run: Path) -> None:
         assert score == pytest.approx(row["score"], rel=1e-8)
 
 
-def test_a_trial_is_lived_again_bit_for_bit(run: Path) -> None:
-    episode = relive(RunDirectory.open(run), JOB)
+def test_a_trial_is_lived_again_bit_for_bit(run: Path, episode: Episode) -> None:
     recorded = np.load(run / "trials" / "default" / "0.npz")
     steps = len(recorded[ACTIONS])
     assert len(episode.rewards) == steps == len(recorded["truth/student/base"]) - 1
@@ -84,8 +97,7 @@ def test_a_trial_is_lived_again_bit_for_bit(run: Path) -> None:
     assert np.abs(episode.rewards.sum()) <= np.linalg.norm(base[-1, :2] - base[0, :2]) + 1e-9
 
 
-def test_minari_loads_what_was_lived(run: Path, loaded: Any) -> None:
-    episode = relive(RunDirectory.open(run), JOB)
+def test_minari_loads_what_was_lived(episode: Episode, loaded: Any) -> None:
     assert loaded.total_episodes == 1
     assert loaded.total_steps == len(episode.actions)
     (back,) = loaded.iterate_episodes()

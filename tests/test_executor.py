@@ -170,6 +170,42 @@ def test_when_the_listener_gives_up_no_worker_stays(tmp_path: Path) -> None:
     assert gone(pids(tmp_path))
 
 
+class Patient(Heard):
+    """Writes the first result down only when another job has begun."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.folder = folder
+
+    def finished(self, job: Job, result: TrialResult) -> None:
+        super().finished(job, result)
+        if len(self.results) == 1:
+            wait_until(lambda: len(list(self.folder.iterdir())) == 2)
+
+
+def noted(folder: Path, job: Job, progress: Progress) -> TrialResult:
+    (folder / str(job.trial)).touch()
+    return trial_result(job.trial)
+
+
+def test_no_worker_waits_until_its_last_result_is_written(tmp_path: Path) -> None:
+    heard = Patient(tmp_path)
+    ProcessExecutor(1).run(JOBS, functools.partial(noted, tmp_path), heard)
+    assert set(heard.results) == set(JOBS)
+
+
+def test_workers_load_only_what_computes() -> None:
+    loads = (
+        "import testbed.experiment.life, testbed.experiment.process_executor, testbed.experiment.trial, sys"
+    )
+    slow_ones = ("scipy.stats", "pyarrow", "matplotlib", "duckdb", "rich")
+    script = f"{loads}\nprint([name for name in {slow_ones} if name in sys.modules])"
+    said = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert said.stdout.strip() == "[]"
+
+
 PARENT = """
 import functools, sys
 from pathlib import Path

@@ -17,6 +17,7 @@ WHO = """
 seed: 11
 student: {student}
 beside: {beside}
+rig: {{camera_rate: 5}}  # it looks less often than that
 teachers:
   - {{robot: crawler, gait: crawl, distance: 1.0, bearing_deg: -30}}
   - {{robot: splayed, gait: splayed_crawl, distance: 1.0, bearing_deg: 30, facing_deg: 180}}
@@ -121,6 +122,7 @@ student:
   method: like_me
   robot: {{tree: [{{on: main, angle_deg: 100}}, {{on: limb_a, angle_deg: 60}}]}}
   damage: {damage}
+rig: {{camera_rate: 1, supersample: 1}}
 teachers: []
 """
     result = run_trial(parse_scenario(text, Path("broken.yaml")), 0)
@@ -133,6 +135,7 @@ teachers: []
 def test_a_student_of_four_parts_lives_a_whole_life() -> None:
     text = """
 student: {method: like_me, robot: four_chain}
+rig: {camera_rate: 5}
 teachers:
   - robot: four_chain
     distance: 1.4
@@ -142,7 +145,7 @@ teachers:
         joint_b: {centre_deg: 30, amplitude_deg: 25, phase_deg: 90}
         joint_c: {centre_deg: 20, amplitude_deg: 30, phase_deg: 200}
 """
-    result = run_trial(parse_scenario(text, Path("four.yaml")), 0)
+    result = run_trial(with_overrides(parse_scenario(text, Path("four.yaml")), smoke=True), 0)
     (row,) = rows_of(result, "like_me")
     assert row["truth"] == "appropriate"
     assert row["found"] is True

@@ -38,7 +38,10 @@ KILLED_NODE = """
             if self.finished_ones == 30:
                 self.cluster.remove_node(self.victim, allow_graceful=False)  # SIGKILL to its raylet
 
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+    # Ray asks every three seconds whether a node lives, and takes the fifth silence for its death.
+    impatient = {"health_check_initial_delay_ms": 1000, "health_check_period_ms": 300}
+    head = {"num_cpus": 0, "include_dashboard": False, "_system_config": impatient}
+    cluster = Cluster(initialize_head=True, head_node_args=head)
     nodes = [cluster.add_node(num_cpus=1) for _ in range(2)]
     cluster.wait_for_nodes()
     killer = Killer(cluster, nodes[0])

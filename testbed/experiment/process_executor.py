@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
+from typing import Any
 
 from testbed.experiment.executor import Compute, Listener, outcome_of
 from testbed.experiment.jobs import Job
@@ -25,6 +26,7 @@ from testbed.experiment.jobs import Job
 _ATTEMPTS = 2
 _QUIET_TIME = 0.1  # seconds between two progress messages of a phase
 _GRACE = 2.0  # seconds that a worker gets to end before it is killed
+_LOST = "lost"  # heard of a worker that says nothing more
 
 
 @dataclass
@@ -55,15 +57,15 @@ class ProcessExecutor:
             while waiting or any(worker.job for worker in crew):
                 self._fill(crew, waiting, attempts, compute)
                 for worker in _ready(crew):
-                    lost = _listen(worker, listener)
-                    if lost is None:
-                        continue
-                    crew.remove(worker)
-                    job, why = lost
-                    if attempts[job] < _ATTEMPTS:
-                        waiting.insert(0, job)
-                    else:
-                        listener.failed(job, why, f"{why}, {_ATTEMPTS} times\n")
+                    job, what, *told = _hear(worker)
+                    if what == _LOST:
+                        crew.remove(worker)
+                        if attempts[job] < _ATTEMPTS:
+                            waiting.insert(0, job)
+                            continue
+                        what, told = "failed", [told[0], f"{told[0]}, {_ATTEMPTS} times\n"]
+                    self._fill(crew, waiting, attempts, compute)  # nobody waits while the listener writes
+                    getattr(listener, what)(job, *told)
         finally:
             _dismiss(crew)
 
@@ -112,21 +114,17 @@ def _ready(crew: Sequence[_Worker]) -> list[_Worker]:
     return [worker for worker in crew if worker.pipe in ready]
 
 
-def _listen(worker: _Worker, listener: Listener) -> tuple[Job, str] | None:
-    """Hear one message; returns the job and the reason if the worker is lost."""
+def _hear(worker: _Worker) -> tuple[Any, ...]:
+    """A busy worker's message: its job, the listener's method, and the rest of what that is to be told."""
     job = worker.job
-    assert job is not None  # only busy workers are listened to
     try:
-        kind, *message = worker.pipe.recv()
+        what, *told = worker.pipe.recv()
     except (EOFError, OSError):
         worker.process.join(_GRACE)
-        return job, _fate(worker.process.exitcode)
-    if kind == "progress":
-        listener.progressed(job, *message)
-        return None
-    worker.job = None
-    getattr(listener, kind)(job, *message)
-    return None
+        return job, _LOST, _fate(worker.process.exitcode)
+    if what != "progressed":
+        worker.job = None
+    return job, what, *told
 
 
 def _fate(exitcode: int | None) -> str:
@@ -174,7 +172,7 @@ class _Reporter:
         if phase == self._phase and now < self._next and done < total:
             return
         self._phase, self._next = phase, now + _QUIET_TIME
-        self._pipe.send(("progress", phase, done, total))
+        self._pipe.send(("progressed", phase, done, total))
 
 
 def _die_with_parent() -> None:

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from testbed.errors import UserError, did_you_mean
-from testbed.experiment import provenance, verdicts
-from testbed.experiment.executor import Compute, Executor, InProcessExecutor, Progress
+from testbed.experiment import provenance, tables, verdicts
+from testbed.experiment.executor import Compute, Executor, InProcessExecutor
 from testbed.experiment.jobs import Job, jobs_of
+from testbed.experiment.life import live
 from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.record import TrialResult
 from testbed.experiment.run_directory import RunDirectory, default_path
-from testbed.scenario import Scenario, cell_names, check_trial, may_be_left_out, sweep_of
+from testbed.scenario import Scenario, cell_names, may_be_left_out, sweep_of
 
 EXECUTORS = ("processes", "ray")
 
@@ -124,15 +125,6 @@ def run(
         return Outcome(path, contents, tuple(recorder.lost), tuple(recorder.left_out))
 
 
-def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
-    """Compute one trial: the student discovers itself, looks, imitates and decides."""
-    from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
-
-    if scenario.sweep:
-        check_trial(scenario, job.cell, job.trial)  # the check before the run looks at some cells only
-    return run_trial(scenario, job.trial, progress, cell=job.cell)
-
-
 def executor_for(workers: int | None, kind: str = "processes", address: str | None = None) -> Executor:
     """The executor for this many workers.
 
@@ -165,6 +157,7 @@ def summed_up(directory: RunDirectory) -> dict[str, Any]:
     """
     jobs = [job for job in jobs_of(directory.scenario) if directory.is_finished(job)]
     rows = [row for job in jobs for row in directory.read_rows(job)]
+    tables.keep(directory, jobs, rows)
     scenario = directory.scenario
     return verdicts.document(
         scenario.name,

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 Vector = NDArray[np.float64]
 RESAMPLES = 4000
@@ -78,7 +77,9 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
 
 def wilson_of(share: float, n: float, confidence: float = 0.95) -> Interval:
     """Wilson's score interval of a share of ``n`` independent pieces of evidence, which need not be a whole number."""
-    z = float(stats.norm.ppf(0.5 + confidence / 2))
+    from scipy.special import ndtri  # slow to load
+
+    z = float(ndtri(0.5 + confidence / 2))
     centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
     return Interval(max(0.0, centre - half), min(1.0, centre + half))
@@ -197,8 +198,14 @@ def paired_test(start: ArrayLike, end: ArrayLike, rng: np.random.Generator) -> P
         difference=float(change.mean()),
         difference_low=low,
         difference_high=high,
-        p_value=float(stats.wilcoxon(change).pvalue) if np.any(change != 0) else 1.0,
+        p_value=_signed_ranks(change) if np.any(change != 0) else 1.0,
     )
+
+
+def _signed_ranks(change: Vector) -> float:
+    from scipy.stats import wilcoxon  # slow to load
+
+    return float(wilcoxon(change).pvalue)
 
 
 def bootstrap_mean(

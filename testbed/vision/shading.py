@@ -77,8 +77,8 @@ def _cast_cuboid(
     lens: Array,
     depth: NDArray[np.float32],
     out: NDArray[np.float32],
-) -> None:
-    """Three slabs in the cuboid's own frame; the last one entered is the face that is seen.
+) -> Corners:
+    """Three slabs in the cuboid's own frame; the last one entered is the face that is seen. Returns its window.
 
     ``turn`` (3, 3) has the cuboid's axes as its rows, in the camera's frame, and ``half`` (3,) its half sides.
     """
@@ -98,6 +98,7 @@ def _cast_cuboid(
         place[axis] = x * centre[0] + y * centre[1] + z * centre[2]
     for row in range(top, bottom):
         y = (1.0 - (2.0 * row + 1.0) / height) * lens[1]
+        met = False
         for column in range(begin, end):
             x = ((2.0 * column + 1.0) / width - 1.0) * lens[0]
             enter, leave, face, side = NEAR, np.inf, -1, 0
@@ -110,9 +111,17 @@ def _cast_cuboid(
                 if (place[axis] - reach) / way > enter:
                     enter, face, side = (place[axis] - reach) / way, axis, 0 if way > 0.0 else 1
                 leave = min(leave, (place[axis] + reach) / way)
-            if face >= 0 and enter <= leave and enter < depth[row, column]:
+                if enter > leave:
+                    break
+            if enter > leave:
+                if met:
+                    break  # what is convex is met by neighbours in a row
+                continue
+            met = True
+            if face >= 0 and enter < depth[row, column]:
                 depth[row, column] = enter
                 out[row, column] = faces[face, side]
+    return top, bottom, begin, end
 
 
 @compiled
@@ -126,8 +135,11 @@ def _cast_capsule(
     lens: Array,
     depth: NDArray[np.float32],
     out: NDArray[np.float32],
-) -> None:
-    """All points within ``radius`` of the segment between two ends (2, 3): a cylinder and two balls, or one ball."""
+) -> Corners:
+    """All points within ``radius`` of the segment between two ends (2, 3): a cylinder and two balls, or one ball.
+
+    Returns its window.
+    """
     height, width = depth.shape
     top, bottom, begin, end = _window(ends, radius, lens, (height, width))
     ax, ay, az = ends[0, 0], ends[0, 1], ends[0, 2]
@@ -137,6 +149,7 @@ def _cast_capsule(
     square = radius * radius
     for row in range(top, bottom):
         y = (1.0 - (2.0 * row + 1.0) / height) * lens[1]
+        met = False
         for column in range(begin, end):
             x = ((2.0 * column + 1.0) / width - 1.0) * lens[0]
             ray = x * x + y * y + 1.0
@@ -150,6 +163,8 @@ def _cast_capsule(
                 b = a_u * along - span * ahead
                 rest = b * b - a * (span * a_a - a_u * a_u - square * span)
                 if rest < 0.0:
+                    if met:
+                        break  # what is convex is met by neighbours in a row
                     continue
                 t = -(b + math.sqrt(rest)) / a
                 where = t * along - a_u
@@ -159,9 +174,12 @@ def _cast_capsule(
                 b = cx * x + cy * y + cz
                 rest = b * b - ray * (cx * cx + cy * cy + cz * cz - square)
                 if rest < 0.0:
+                    if met:
+                        break  # what is convex is met by neighbours in a row
                     continue
                 t = (b - math.sqrt(rest)) / ray
                 where = far * span
+            met = met or t > 0.0
             if t > NEAR and t < depth[row, column]:
                 depth[row, column] = t
                 share = where / span if span > 0.0 else 0.0
@@ -169,6 +187,7 @@ def _cast_capsule(
                 ny = (t * y - ay - share * uy) / radius
                 nz = (t - az - share * uz) / radius
                 out[row, column] = _lit(grey, nx, ny, nz, sky, light, shares)
+    return top, bottom, begin, end
 
 
 @compiled
@@ -196,7 +215,7 @@ def cast(
     shares: Array,
     depth: NDArray[np.float32],
     out: NDArray[np.float32],
-) -> None:
+) -> Corners:
     """Draw solids into a picture.
 
     Args:
@@ -210,7 +229,12 @@ def cast(
         shares: (3,) ambient, diffuse and specular.
         depth: (H, W) metres ahead of what is in the picture already, infinite where nothing is; changed in place.
         out: (H, W) luminosities, the background already in them; changed in place.
+
+    Returns:
+        Rows and columns, first and after the last, outside of which nothing was drawn.
     """
+    height, width = depth.shape
+    top, bottom, begin, end = height, 0, width, 0
     lamp, sky, centre, half = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
     axes, turn, ends = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
     for axis in range(3):
@@ -230,10 +254,14 @@ def cast(
         if solids[k, 0] == CUBOID:
             for axis in range(3):
                 half[axis] = 0.5 * solids[k, 1 + axis]
-            _cast_cuboid(turn, centre, half, grey, sky, lamp, shares, lens, depth, out)
+            window = _cast_cuboid(turn, centre, half, grey, sky, lamp, shares, lens, depth, out)
         else:
             reach = 0.5 * solids[k, 2] if solids[k, 0] == CAPPED_CYLINDER else 0.0
             for axis in range(3):
                 ends[0, axis] = centre[axis] - reach * turn[0, axis]
                 ends[1, axis] = centre[axis] + reach * turn[0, axis]
-            _cast_capsule(ends, solids[k, 1], grey, sky, lamp, shares, lens, depth, out)
+            window = _cast_capsule(ends, solids[k, 1], grey, sky, lamp, shares, lens, depth, out)
+        if window[0] < window[1] and window[2] < window[3]:
+            top, bottom = min(top, window[0]), max(bottom, window[1])
+            begin, end = min(begin, window[2]), max(end, window[3])
+    return top, bottom, begin, end

@@ -42,14 +42,16 @@ class AnalyticRenderer:
         self._simulation = simulation
         self._background = rig.background
         rows, columns = shape[0] * rig.supersample, shape[1] * rig.supersample
-        self._depth = np.empty((rows, columns), np.float32)
-        self._picture = np.empty((rows, columns), np.float32)
+        self._depth = np.full((rows, columns), np.inf, np.float32)
+        self._picture = np.full((rows, columns), self._background, np.float32)
+        self._drawn = slice(0), slice(0)
         across = math.tan(math.radians(rig.field_of_view_deg) / 2)
         self._lens = np.array([across, across * shape[0] / shape[1]])
         light = rig.light
         self._light = np.array(light.direction) / math.hypot(*light.direction)
         self._shares = np.array([light.ambient, light.diffuse, light.specular])
-        self._known: dict[str, tuple[Morphology, Vector]] = {}
+        self._bodies: tuple[Morphology, ...] = ()
+        self._solids = np.zeros((0, 5))
         self._scene()
 
     def pictures(self, eyes: Vector, pan: float) -> Iterator[NDArray[np.float32]]:
@@ -61,9 +63,9 @@ class AnalyticRenderer:
         turned = np.array([[cosine, -sine, 0.0], [0.0, 0.0, 1.0], [sine, cosine, 0.0]])
         solids, poses = self._scene()
         for eye in eyes:
-            self._depth.fill(np.inf)
-            self._picture.fill(self._background)
-            cast(
+            self._depth[self._drawn] = np.inf
+            self._picture[self._drawn] = self._background
+            top, bottom, begin, end = cast(
                 solids,
                 poses,
                 turned,
@@ -74,17 +76,15 @@ class AnalyticRenderer:
                 self._depth,
                 self._picture,
             )
+            self._drawn = slice(top, bottom), slice(begin, end)
             yield self._picture
 
     def _scene(self) -> tuple[Vector, Vector]:
         """What all bodies are made of, and where that is now, as :func:`testbed.vision.shading.cast` takes it."""
-        solids, poses = [np.zeros((0, 5))], [np.zeros((0, 7))]
-        for name, body in self._simulation.bodies.items():
-            if name not in self._known or self._known[name][0] is not body:
-                self._known[name] = body, solids_of(body)
-            solids.append(self._known[name][1])
-            poses.append(self._simulation.frames(name))
-        return np.concatenate(solids), np.concatenate(poses)
+        bodies = self._simulation.bodies
+        if self._bodies != (now := tuple(bodies.values())):
+            self._bodies, self._solids = now, np.concatenate([np.zeros((0, 5)), *map(solids_of, now)])
+        return self._solids, np.concatenate([np.zeros((0, 7)), *map(self._simulation.frames, bodies)])
 
 
 def solids_of(body: Morphology) -> Vector:

@@ -1,0 +1,17 @@
+"""What a run computes of a job: one whole life. Workers load this file and not what runs, sums up and writes."""
+
+from __future__ import annotations
+
+from testbed.experiment.executor import Progress
+from testbed.experiment.jobs import Job
+from testbed.experiment.record import TrialResult
+from testbed.scenario import Scenario, check_trial
+
+
+def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    """Compute one trial: the student discovers itself, looks, imitates and decides."""
+    from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
+
+    if scenario.sweep:
+        check_trial(scenario, job.cell, job.trial)  # the check before the run looks at some cells only
+    return run_trial(scenario, job.trial, progress, cell=job.cell)
