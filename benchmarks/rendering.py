@@ -13,7 +13,7 @@ from benchmarks.measure import Row, against
 from testbed.scenario import Scenario, load_scenario
 from testbed.world.focal import FocalWorld
 
-OBSERVATIONS, STEPS = 20.0, 10.0  # targets; a step's physics costs the same with either renderer
+OBSERVATIONS, STEPS = 20.0, 20.0  # targets
 
 
 def rows() -> list[Row]:
