@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import Abort, Exit, TyperException
 
-from testbed import cli_results
+from testbed import cli_calibrate, cli_hardware, cli_replay, cli_results
 from testbed.errors import UserError, one_line, shown_path
 
 _STOPPED = 130  # 128 + SIGINT, as shells have it
@@ -63,12 +63,22 @@ def run(
     address: Annotated[
         str | None, typer.Option(help="Of a running Ray cluster; one on this machine is started by default.")
     ] = None,
+    backend: Annotated[
+        str, typer.Option(help="Where trials take place: simulation, or hardware, which is a bench.")
+    ] = "simulation",
+    bench: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="With --backend hardware: its file, bench.yaml by default, or `emulated`."
+        ),
+    ] = None,
     smoke: Annotated[bool, typer.Option("--smoke", help="The same scenario cut down to seconds.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a scenario, or continue it; at the end come the verdicts and a report."""
     from testbed.console import display_on, summary_lines, verdict_table
     from testbed.experiment import runner
+    from testbed.experiment.backends import bench_path
     from testbed.experiment.jobs import jobs_of
     from testbed.experiment.run_directory import default_path
     from testbed.scenario import check, load_scenario, with_overrides
@@ -77,11 +87,15 @@ def run(
     here = executor == "processes" and address is None
     computing = None if here else runner.executor_for(workers, executor, address)
     check(scenario)
-    path = out or default_path(scenario)
+    stage = cli_hardware.on_bench(backend, bench)
+    if stage is not None and (not here or (workers or 1) > 1):
+        raise UserError("a bench has one trial at a time", "leave out --workers, --executor and --address")
+    path = out or (default_path(scenario) if stage is None else bench_path(scenario))
     screen = _console(stderr=as_json)
-    with _traceback_kept_in(path), display_on(screen) as display:
+    ending = cli_calibrate.limp_when_told_to_end() if stage is not None else contextlib.nullcontext()
+    with _traceback_kept_in(path), ending, display_on(screen) as display:
         outcome = runner.run(
-            scenario, out=path, workers=workers or _cores(), executor=computing, display=display
+            scenario, out=path, workers=workers or _cores(), executor=computing, display=display, bench=stage
         )
         report = _report_of(path) if _anything(outcome.verdicts) else None
     if as_json:
@@ -223,6 +237,12 @@ app.command(epilog='Example: testbed query runs/verdict-1a2b3c4d "FROM verdicts 
 app.command(epilog="Example: testbed export runs/verdict-1a2b3c4d --out ~/.minari/datasets")(
     cli_results.export
 )
+
+
+app.command(epilog="Example: testbed replay runs/bench-1a2b3c4d-bench 0")(cli_replay.replay)
+
+
+app.add_typer(cli_hardware.app)
 
 
 def main() -> None:

@@ -6,11 +6,14 @@ import contextlib
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from testbed.errors import UserError, shown_path
+
+if TYPE_CHECKING:
+    from testbed.experiment.run_directory import RunDirectory
 
 _SHOWN_FROM = 100  # reading so few trials needs no progress bar
 
@@ -82,7 +85,12 @@ def export(
 
 
 def compare(folders: list[Path], out: Path | None, *, as_json: bool) -> None:
-    """Hold the students of several runs against each other; writes a page and prints where it is."""
+    """Hold the students of several runs, or simulation and bench, against each other: a page, and where it is."""
+    from testbed.experiment.backends import sim_and_bench
+
+    if (runs := sim_and_bench(folders)) is not None:
+        _compare_bench(*runs, out, as_json=as_json)
+        return
     from testbed.experiment.matching import read_sides
     from testbed.experiment.rivals import document, rivalry
     from testbed.report.rivals import headline, write_comparison
@@ -90,6 +98,23 @@ def compare(folders: list[Path], out: Path | None, *, as_json: bool) -> None:
     with progress_bar("reading trials") as progress:
         told = rivalry(read_sides(folders, progress))
     page = write_comparison(told, out or Path("runs") / f"comparison-{told.identity}")
+    if as_json:
+        typer.echo(json.dumps({"report": str(page), **document(told)}, indent=2))
+    else:
+        typer.echo(headline(told))
+        typer.echo(f"report: {shown_path(page)}")
+
+
+def _compare_bench(simulation: RunDirectory, bench: RunDirectory, out: Path | None, *, as_json: bool) -> None:
+    """The page of one scenario in simulation and on the bench."""
+    from testbed.experiment.bench_measures import document
+    from testbed.experiment.sim_and_bench import compared
+    from testbed.report.bench_comparison import headline, write_bench_comparison
+
+    with progress_bar("living through the bench's commands in simulation", shown_from=1) as progress:
+        told = compared(simulation, bench, progress)
+    name = f"{bench.scenario.name}-{bench.hash8}-bench-and-simulation"
+    page = write_bench_comparison(told, out or Path("runs") / name)
     if as_json:
         typer.echo(json.dumps({"report": str(page), **document(told)}, indent=2))
     else:

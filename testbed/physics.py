@@ -179,7 +179,10 @@ class Simulation:
             pybullet.resetJointState(body.number, motor, angle, 0.0, physicsClientId=self.client)
 
     def command(self, name: str, targets: NDArray[np.floating]) -> None:
-        """Set the servos' targets (rad); each turns there with its own finite torque and speed."""
+        """Set the servos' targets (rad); each turns there with its own finite torque and speed.
+
+        A servo whose target is NaN is off: nothing holds its joint.
+        """
         body, locked = self._bodies[name], self._locked.get(name, {})
         goals = [
             locked.get(joint, target)
@@ -190,6 +193,8 @@ class Simulation:
             for joint, torque in zip(body.morphology.joints, body.torques, strict=True)
         ]
         for motor, target, torque, speed in zip(body.motors, goals, torques, body.speeds, strict=True):
+            if math.isnan(target):
+                target, torque = 0.0, 0.0
             pybullet.setJointMotorControl2(
                 body.number,
                 motor,
@@ -237,6 +242,11 @@ class Simulation:
             for part, state in zip(body.parts[1:], states, strict=True):
                 poses[part] = np.array([*state[0], *state[1]])
         return np.array([poses[part] for part in body.morphology.parts])
+
+    def velocity(self, name: str) -> Vector:
+        """(3,) velocity of the root's centre of mass in the world, m/s."""
+        linear, _ = pybullet.getBaseVelocity(self._bodies[name].number, physicsClientId=self.client)
+        return np.array(linear)
 
     def speed(self, name: str) -> float:
         """How fast anything about the body moves: the largest of its angular and joint speeds, rad/s."""

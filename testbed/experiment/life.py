@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from testbed.experiment.executor import Progress
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
 from testbed.scenario import Scenario, check_trial
+
+if TYPE_CHECKING:
+    from testbed.experiment.stage import Opener
 
 
 def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
@@ -15,3 +21,13 @@ def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
     if scenario.sweep:
         check_trial(scenario, job.cell, job.trial)  # the check before the run looks at some cells only
     return run_trial(scenario, job.trial, progress, cell=job.cell)
+
+
+def live_on(stage: Opener, folder: Path, scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    """Compute one trial on a bench, with a journal in the run directory."""
+    from testbed.experiment.replay import journal_below
+    from testbed.experiment.trial import run_trial
+
+    return run_trial(
+        scenario, job.trial, progress, cell=job.cell, stage=stage, journal=journal_below(folder, job)
+    )

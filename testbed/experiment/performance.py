@@ -45,6 +45,8 @@ def performance_row(arrays: Arrays, name: str, log: Arrays, bodies: Mapping[str,
     performed, watched = steps * step, float(looks[-1] - looks[0]) * step
     size = _size(bodies[name]) / _size(bodies[STUDENT])
     ratio = None
+    if math.isnan(student + teacher):  # nobody knows the truth
+        return {**dict.fromkeys(COLUMNS), "performed_seconds": performed, "watched_seconds": watched}
     if abs(teacher) > _STOOD_STILL and performed > 0 and watched > 0:
         ratio = (student / performed) / (teacher / size / watched)
     return {
@@ -59,6 +61,8 @@ def performance_row(arrays: Arrays, name: str, log: Arrays, bodies: Mapping[str,
 
 def forward(bases: Vector, first: int, last: int) -> float:
     """How far (m) a body came along its own x axis as it lay at the first of its states (t, 7)."""
+    if np.isnan(bases[[first, last]]).any():
+        return math.nan
     ahead = Rotation.from_quat(bases[first, 3:]).apply([1.0, 0.0, 0.0])[:2]
     length = float(np.linalg.norm(ahead))
     return float((bases[last, :2] - bases[first, :2]) @ ahead) / length if length > 0 else math.nan

@@ -10,6 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from testbed.errors import UserError, shown_path
+from testbed.experiment.backends import SIMULATION, backend_of
 from testbed.experiment.jobs import Job
 from testbed.experiment.run_directory import RunDirectory
 from testbed.experiment.trial import seeds_of
@@ -54,8 +55,12 @@ def relive(run: RunDirectory, job: Job, *, images: bool = True) -> Episode:
         images: Whether the student's images are taken; without them it is much faster.
 
     Raises:
-        UserError: If the trial is damaged, was computed before actions were recorded, or does not come out as it did.
+        UserError: If the run was on a bench, the trial is damaged, was computed before actions were recorded, or does
+            not come out as it did.
     """
+    if backend_of(run) != SIMULATION:
+        what = f"{shown_path(run.path)} was lived on a bench, which cannot be lived again"
+        raise UserError(what, "`testbed replay` feeds its journal to the student; relive a run in simulation")
     recorded = _recorded(run, job)
     seed, _ = seeds_of(run.scenario, job.trial)
     here = drawn(in_cell(run.scenario, job.cell), job.trial)

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from testbed.errors import UserError, did_you_mean
+from testbed.errors import UserError, did_you_mean, shown_path
 from testbed.experiment import provenance, tables, verdicts
+from testbed.experiment.backends import HARDWARE, backend_of
 from testbed.experiment.executor import Compute, Executor, InProcessExecutor
 from testbed.experiment.jobs import Job, jobs_of
-from testbed.experiment.life import live
+from testbed.experiment.life import live, live_on
 from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.record import TrialResult
 from testbed.experiment.run_directory import RunDirectory, default_path
 from testbed.scenario import Scenario, cell_names, may_be_left_out, sweep_of
+
+if TYPE_CHECKING:
+    from testbed.experiment.stage import Opener
 
 EXECUTORS = ("processes", "ray")
 
@@ -84,6 +88,19 @@ class Outcome:
     left_out: tuple[Job, ...] = ()
 
 
+@dataclass(frozen=True)
+class OnBench:
+    """A bench in the simulation's place.
+
+    Attributes:
+        stage: Opens it for a trial.
+        about: What ``provenance.json`` is to say of it.
+    """
+
+    stage: Opener
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+
 def run(
     scenario: Scenario,
     *,
@@ -92,6 +109,7 @@ def run(
     executor: Executor | None = None,
     display: Display | None = None,
     compute: Compute | None = None,
+    bench: OnBench | None = None,
 ) -> Outcome:
     """Compute every trial of a scenario that is not yet finished, and sum up.
 
@@ -102,6 +120,8 @@ def run(
         executor: Who computes; by default so many processes.
         display: Shows progress.
         compute: Computes one trial; the student's whole life by default.
+        bench: Where trials take place, one at a time; in simulation if not given. What a trial lives through is
+            kept in a journal, from which it goes on where the bench failed it.
 
     Raises:
         UserError: If the run directory cannot be used, the disk fills up, or a trial of a scenario without cells
@@ -109,15 +129,18 @@ def run(
             cells is a failure of its trials. Finished trials are kept.
     """
     display = display or Quiet()
-    compute = compute or functools.partial(live, scenario)
     path = out or default_path(scenario)
-    with RunDirectory.prepare(path, scenario, lambda: provenance.describe(scenario)) as directory:
+    if bench is not None:
+        compute, executor = functools.partial(live_on, bench.stage, path, scenario), InProcessExecutor()
+    compute = compute or functools.partial(live, scenario)
+    _refuse_another_backend(path, bench)
+    with RunDirectory.prepare(path, scenario, lambda: _described(scenario, bench)) as directory:
         _tell_changed_source(directory, display)
         jobs = jobs_of(scenario)
         finished = directory.finished(jobs, display.notice)
         remaining = [job for job in jobs if job not in finished]
         display.started(path, len(jobs), len(finished))
-        recorder = _Recorder(directory, display)
+        recorder = _Recorder(directory, display, stops=bench is not None)
         executor = executor or executor_for(min(workers, len(remaining)))
         executor.run(remaining, compute, recorder)
         contents = summed_up(directory)
@@ -172,13 +195,14 @@ def summed_up(directory: RunDirectory) -> dict[str, Any]:
 class _Recorder:
     """Puts what the executor tells on the disk first and on the display second."""
 
-    def __init__(self, directory: RunDirectory, display: Display) -> None:
+    def __init__(self, directory: RunDirectory, display: Display, *, stops: bool = False) -> None:
         self._directory = directory
         self._display = display
         self.progressed: Callable[[Job, str, int, int], None] = display.progressed
         self.lost: list[Job] = []
         self.left_out: list[Job] = []
-        self._alone = len(cell_names(directory.scenario)) == 1
+        # On a bench that has failed one trial the next would fail as well.
+        self._alone = stops or len(cell_names(directory.scenario)) == 1
 
     def finished(self, job: Job, result: TrialResult) -> None:
         self._directory.write_trial(job, result)
@@ -197,6 +221,21 @@ class _Recorder:
     def failed(self, job: Job, why: str, details: str) -> None:
         self.lost.append(job)
         self._display.failed(job, why, self._directory.write_error(job, details))
+
+
+def _described(scenario: Scenario, bench: OnBench | None) -> dict[str, Any]:
+    described = provenance.describe(scenario)
+    return described if bench is None else {**described, "backend": HARDWARE, **bench.about}
+
+
+def _refuse_another_backend(path: Path, bench: OnBench | None) -> None:
+    """Trials of the simulation and of a bench never mix in one run."""
+    if not (path / "provenance.json").is_file():
+        return
+    there = backend_of(RunDirectory.open(path))
+    if (there == HARDWARE) != (bench is not None):
+        what = f"{shown_path(path)} holds a run {'on a bench' if there == HARDWARE else 'in simulation'}"
+        raise UserError(what, "give another folder with --out DIR")
 
 
 def _tell_changed_source(directory: RunDirectory, display: Display) -> None:

@@ -238,6 +238,8 @@ def motion_errors(parts: Vector, true: Vector) -> tuple[Vector, Vector]:
         (F, k) in rad, NaN where there are not as many objects as parts.
     """
     gaps = np.linalg.norm(parts[:, :, None, X : Z + 1] - true[:, None, :, X : Z + 1], axis=3)
+    if np.isnan(gaps).any():  # nobody knows the truth
+        return np.full(len(parts), math.nan), np.full(parts.shape[:2], math.nan)
     objects, those = linear_sum_assignment(gaps.mean(axis=0))
     position = gaps[:, objects, those].mean(axis=1)
     if parts.shape[1] != true.shape[1]:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.experiment.diary import Diary
 from testbed.experiment.jobs import DEFAULT_CELL
 from testbed.experiment.record import TrialResult
+from testbed.experiment.stage import Opener, simulated
 from testbed.experiment.teacher_report import rig_of
 from testbed.experiment.trial_report import report_trial
 from testbed.experiment.witness import Witness
@@ -18,7 +24,7 @@ from testbed.student.agent import Student
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.insider import Insider
 from testbed.student.senses import Progress, Senses
-from testbed.world.bullet import SimulatedBackend
+from testbed.world.backend import Backend
 from testbed.world.env import World
 from testbed.world.gaits import scripted_policy
 from testbed.world.placement import STUDENT, teacher_names
@@ -31,7 +37,13 @@ def silent(phase: str, done: int, total: int) -> None:
 
 
 def run_trial(
-    scenario: Scenario, trial: int, progress: Progress = silent, *, cell: str = DEFAULT_CELL
+    scenario: Scenario,
+    trial: int,
+    progress: Progress = silent,
+    *,
+    cell: str = DEFAULT_CELL,
+    stage: Opener = simulated,
+    journal: Path | None = None,
 ) -> TrialResult:
     """Let the scenario's student live among its teachers once.
 
@@ -40,17 +52,27 @@ def run_trial(
         trial: Which trial; with the scenario's seed it decides all that is left to chance.
         progress: Told how far each phase is.
         cell: Which of the scenario's cells. The same trial of another cell has the same chances.
+        stage: Opens the world that they live in.
+        journal: The file that every step is written to. If it is there, the trial that it holds goes on where it
+            broke off.
+
+    Raises:
+        UserError: If the world fails, as a bench can; what was lived until then is in the journal.
     """
     here = drawn(in_cell(scenario, cell), trial)
     world_seed, student_seeds = seeds_of(scenario, trial)
-    backend = SimulatedBackend(here)
-    world = World(here, backend=backend)
-    try:
-        witness = Witness(here, backend)
+    with contextlib.ExitStack() as stack:
+        diary = stack.enter_context(Diary(journal)) if journal is not None else None
+        opened = stack.enter_context(contextlib.closing(stage(here, diary.journal if diary else None)))
+        backend, truth = opened.backend, opened.truth
+        if diary is not None:
+            truth = backend = diary.lived(here, opened)
+        world = World(here, backend=backend)
+        witness = Witness(here, backend, truth)
         student = student_of(here, student_seeds, progress, witness.insider())
-        log = live(world, backend, student, world_seed, witness)
-    finally:
-        world.close()
+        log = live(world, backend, student, world_seed, witness, think=opened.think)
+        if diary is not None:
+            diary.finish()
     assert student.life is not None
     bodies = {**backend.robots, STUDENT: here.student.true_body()}
     return report_trial(here, trial, cell, bodies, student.life, log)
@@ -84,7 +106,20 @@ def senses_of(scenario: Scenario) -> Senses:
     )
 
 
-def live(world: World, backend: SimulatedBackend, student: Student, seed: int, witness: Witness) -> Arrays:
+def at_once(thought: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """Thinks while the world stands still."""
+    return thought()
+
+
+def live(
+    world: World,
+    backend: Backend,
+    student: Student,
+    seed: int,
+    witness: Witness,
+    *,
+    think: Callable[[Callable[[], NDArray[Any]]], NDArray[Any]] = at_once,
+) -> Arrays:
     """Everybody acts until the student is done; returns the truth about everybody at the start and after each step."""
     control_step = world.scenario.world.control_step
     policies = {
@@ -95,7 +130,7 @@ def live(world: World, backend: SimulatedBackend, student: Student, seed: int, w
     witness.note()
     while world.agents and not student.done:
         actions: Arrays = {name: policy.act(observations[name]) for name, policy in policies.items()}
-        actions[STUDENT] = student.act(observations[STUDENT])
+        actions[STUDENT] = think(functools.partial(student.act, observations[STUDENT]))
         observations, *_ = world.step(actions)
         witness.note(actions[STUDENT])
     if not student.done:

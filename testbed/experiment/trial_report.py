@@ -62,6 +62,9 @@ one that models a whole motion
 ``T/evidence_names``           (bodies,)       what they are called
 =============================  ==============  ==================================================================
 
+On a real bench, where nobody knows the truth, ``base``, ``joints``, ``truth_parts`` and ``path`` are missing and errors
+that would be measured by it are NaN, None in rows.
+
 Of minds beside the leader the same arrays are under ``beside/<name>/``.
 """
 
@@ -161,7 +164,15 @@ def report_trial(
                     row["chosen"] = True
                     row |= performance_row(arrays, name, log, bodies)
             rows.append(row)
-    return TrialResult(tuple(rows), arrays)
+    return TrialResult(
+        tuple(rows), _known(arrays) if np.isnan(log[f"truth/{STUDENT}/base"]).any() else arrays
+    )
+
+
+def _known(arrays: Arrays) -> Arrays:
+    """What is left where nobody knows the truth, as on a real bench."""
+    untold = ("/base", "/joints", "/truth_parts", "perform/path")
+    return {name: array for name, array in arrays.items() if not name.endswith(untold)}
 
 
 def match(candidates: tuple[Candidate, ...], scenario: Scenario) -> dict[str, int]:

@@ -108,7 +108,11 @@ def parts_in_view(body: Morphology, base: Vector, joints: Vector, *, eye_height:
         joints: Joint angles, rad.
         eye_height: Height of the rig above the ground, m.
         pan: Direction in which the rig looks, rad.
+
+    Where nobody knows the base, nobody knows the parts: all NaN.
     """
+    if np.isnan(base).any():
+        return np.full((len(body.parts), 8), math.nan)
     right = np.array([math.cos(pan), -math.sin(pan), 0.0])
     forward = np.array([math.sin(pan), math.cos(pan), 0.0])
     root = np.eye(4)
@@ -148,6 +152,8 @@ def teacher_model_error(model: Vector, true: Vector) -> tuple[float, float]:
         parts with the smallest total distance.
     """
     gaps = np.linalg.norm(model[:, None, X : Z + 1] - true[None, :, X : Z + 1], axis=2)
+    if np.isnan(gaps).any():
+        return math.nan, math.nan
     rows, columns = linear_sum_assignment(gaps)
     turned = read_rolls((model[rows, OMEGA] - true[columns, OMEGA])[None], "half_turn")
     return float(gaps[rows, columns].mean()), float(np.abs(turned).mean())
@@ -161,6 +167,8 @@ def overlap(model: Vector, true: Vector, rig: StereoRig) -> float:
         true: (n, 8) parts.
         rig: The eyes that see them.
     """
+    if np.isnan(true).any():
+        return math.nan
     believed, real = render(model, rig) < WHITE, render(true, rig) < WHITE
     return float((believed & real).sum() / max(int((believed | real).sum()), 1))
 

@@ -31,15 +31,20 @@ def write_comparison(told: Rivalry, out: Path) -> Path:
     Raises:
         UserError: If the folder holds something else, or cannot be written.
     """
+    refuse_foreign(out)
+    write_text(out / NUMBERS, json.dumps(document(told), indent=1, ensure_ascii=False) + "\n")
+    names = " and ".join(side.name for side in told.sides)
+    write_text(out / PAGE, html.page(f"{names}: compared", _body(told, out / "figures")))
+    return out / PAGE
+
+
+def refuse_foreign(out: Path) -> None:
+    """Raise a :class:`UserError` if a folder holds something else than a comparison."""
     foreign = out.exists() and (not out.is_dir() or (any(out.iterdir()) and not (out / NUMBERS).is_file()))
     if foreign:
         raise UserError(
             f"{shown_path(out)} holds something else", "give a new or an empty folder with --out DIR"
         )
-    write_text(out / NUMBERS, json.dumps(document(told), indent=1, ensure_ascii=False) + "\n")
-    names = " and ".join(side.name for side in told.sides)
-    write_text(out / PAGE, html.page(f"{names}: compared", _body(told, out / "figures")))
-    return out / PAGE
 
 
 def headline(told: Rivalry) -> str:

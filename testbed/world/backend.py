@@ -26,6 +26,11 @@ class Backend(Protocol):
         """Where the rig looks now, rad, positive to the right."""
         ...
 
+    @property
+    def exposed(self) -> int:
+        """How many steps since the reset had passed when the pair of images that :meth:`look` gives was exposed."""
+        ...
+
     def reset(self, seeds: np.random.SeedSequence) -> None:
         """Put every robot back to its start, flat and at rest, and the rig straight ahead."""
         ...

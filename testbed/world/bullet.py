@@ -154,7 +154,7 @@ class SimulatedBackend:
 
     @property
     def exposed(self) -> int:
-        """How many steps since the reset had passed when the frame that is seen now was exposed."""
+        """See :class:`Backend`."""
         return self._exposed
 
     def state(self, robot: str) -> tuple[Vector, Vector]:
