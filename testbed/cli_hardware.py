@@ -51,12 +51,13 @@ def find(
 
     from testbed.hardware import find as finding
     from testbed.hardware.bench_file import load_bench, save_bench
-    from testbed.hardware.clock import WallClock
+    from testbed.hardware.operate import clock_of
     from testbed.hardware.tables import camera_table, port_table
 
     if out is not None and out.exists():
         raise UserError(f"{shown_path(out)} is there already", "give another name, or remove it first")
-    spec, clock = None if bench is None else load_bench(bench), WallClock()
+    spec = None if bench is None else load_bench(bench)
+    clock = clock_of(spec)
     globs = () if spec is None else spec.port_globs
     eyes = () if spec is None or spec.cameras is None else (spec.cameras.left, spec.cameras.right)
     with progress_bar("asking who is there", shown_from=1) as progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import threading
@@ -16,14 +15,18 @@ from simavr_needed import simavr_or_skip
 
 from testbed import cli
 from testbed.errors import UserError
-from testbed.hardware import link
+from testbed.hardware import bench_time
+from testbed.hardware.backend import HardwareBackend
 from testbed.hardware.bench_file import BenchSpec, BoardSpec, load_bench, save_bench
+from testbed.hardware.bench_time import BenchTime, Shown
 from testbed.hardware.calibration import load_servos
+from testbed.hardware.clock import WallClock
 from testbed.hardware.emulation.live import LiveBench, started
 from testbed.hardware.emulation.turns import Turns
 from testbed.hardware.hands import DistantHands
 from testbed.hardware.ports import open_port
 from testbed.hardware.prompt import Question
+from testbed.scenario import load_scenario
 
 simavr_or_skip()
 
@@ -67,14 +70,6 @@ def live(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
         yield bench
         bench.stop()
         passing.join()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def patient() -> Iterator[None]:
-    """The bench is in real time, and a machine that tests has much else to do: replies may take ten times as long."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(link, "LinkSpec", functools.partial(link.LinkSpec, timeout=0.4))
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -293,3 +288,40 @@ def test_turns_are_taken_in_the_order_in_which_they_were_asked_for() -> None:
     turns.release()
     for thread in threads:
         thread.join()
+
+
+def test_a_slow_bench_has_a_slow_clock(tmp_path: Path) -> None:
+    shown = Shown(tmp_path / "clock")
+    clock = BenchTime(tmp_path / "clock")
+    passing = threading.Event()
+
+    def pass_slowly() -> None:
+        for step in range(201):  # half a second of the bench's in five of ours, were it not told to end
+            shown.tell(step / 400)
+            if passing.wait(0.005):
+                return
+
+    thread = threading.Thread(target=pass_slowly)
+    thread.start()
+    began = time.monotonic()
+    clock.sleep(0.05)
+    assert clock.now() >= 0.05
+    assert time.monotonic() - began > 0.09
+    passing.set()
+    thread.join()
+    with pytest.raises(UserError, match="not running; start it: testbed hardware emulate"):
+        BenchTime(tmp_path / "another")
+
+
+def test_time_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_time, "_PATIENCE", 0.05)
+    Shown(tmp_path / "clock").tell(7.0)
+    with pytest.raises(UserError, match="is not running"):
+        BenchTime(tmp_path / "clock").sleep(1.0)
+
+
+def test_a_bench_that_nobody_has_reset_yet_is_left_alone(scenario: Path) -> None:
+    """A trial that goes on thinks again what it had thought, for seconds, before any robot is armed."""
+    nobody: Any = object()
+    robots = {"student": nobody, "teacher_0": nobody}
+    HardwareBackend(load_scenario(scenario), robots, nobody, nobody, WallClock(), nobody).keep()

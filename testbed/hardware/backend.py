@@ -112,6 +112,7 @@ class HardwareBackend:
         self._steps_per_frame = max(1, round(1 / (scenario.rig.camera_rate * self._control_step)))
         self._pan_limit = math.radians(scenario.rig.pan_limit_deg)
         self._states: dict[str, RobotState] = {}
+        self._commands: dict[str, Vector] = {}
         self._pan_step = math.radians(scenario.rig.pan_speed_deg) * self._control_step
         self._pan = 0.0
         self.punctuality = Punctuality()
@@ -178,7 +179,12 @@ class HardwareBackend:
         self._ends = [*self._ends[-_KEPT_STEPS:], self._clock.now()]
 
     def keep(self) -> None:
-        """Tell everybody again what they were told last, or they take the silence for a broken cable."""
+        """Tell everybody again what they were told last, or they take the silence for a broken cable.
+
+        Before the reset nobody is armed, as in a trial that is told again from its journal: there is nothing to keep.
+        """
+        if not self._commands:
+            return
         for name, board in self._boards.items():
             self._states[name] = board.act(self._commands[name])
         self._pan = float(self._rig.act(np.array([self._aim])).targets[0])

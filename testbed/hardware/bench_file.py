@@ -112,6 +112,9 @@ class BenchSpec(Spec):
     port_globs: tuple[str, ...] = Field(
         (), max_length=20, description="further places to look for ports, such as /tmp/bench/tty*"
     )
+    clock: str | None = Field(
+        None, description="of an emulated bench: the file that tells its time, which may go slower than ours"
+    )
     hands: str | None = Field(
         None, description="of an emulated bench: the socket where its hands take requests; people otherwise"
     )

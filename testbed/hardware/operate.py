@@ -15,6 +15,7 @@ from pathlib import Path
 
 from testbed.experiment.runner import OnBench
 from testbed.hardware.bench_file import PAN, RIG, BenchSpec, BoardSpec, load_bench
+from testbed.hardware.bench_time import BenchTime
 from testbed.hardware.board import Address
 from testbed.hardware.cameras import Camera, VideoCamera
 from testbed.hardware.clock import Clock, WallClock
@@ -69,7 +70,8 @@ def workbench(bench: str) -> Iterator[Workbench]:
         UserError: If the file is wrong, or the emulated bench cannot be built here.
     """
     if bench != EMULATED:
-        spec, clock = load_bench(bench), WallClock()
+        spec = load_bench(bench)
+        clock = clock_of(spec)
         yield Workbench(spec, clock, prompt_of(spec), lambda: cameras_of(spec, clock))
         return
     from testbed.hardware.emulation.bench import EmulatedBench
@@ -86,6 +88,15 @@ def workbench(bench: str) -> Iterator[Workbench]:
 def prompt_of(spec: BenchSpec) -> Prompt:
     """Whoever stands beside a bench: a person at this terminal, or the hands of an emulated one."""
     return console if spec.hands is None else DistantHands(Path(spec.hands))
+
+
+def clock_of(spec: BenchSpec | None) -> Clock:
+    """The time of a bench: ours, or an emulated one's own.
+
+    Raises:
+        UserError: If the emulated bench is not running.
+    """
+    return WallClock() if spec is None or spec.clock is None else BenchTime(Path(spec.clock))
 
 
 def address_of(spec: BenchSpec, agent: str) -> Address:
@@ -175,12 +186,12 @@ def stop_everything(spec: BenchSpec | None) -> list[Stopping]:
     ports = dict.fromkeys([*(port.path for port in found_ports(globs)), *named])
     if not ports:
         raise PortMissing("there is no serial port to send a stop to", POWER_CUT)
+    clock = clock_of(spec)
     with ThreadPoolExecutor(len(ports)) as everywhere:
-        return list(everywhere.map(lambda path: _stopped(path, named.get(path, "")), ports))
+        return list(everywhere.map(lambda path: _stopped(path, named.get(path, ""), clock), ports))
 
 
-def _stopped(path: str, name: str) -> Stopping:
-    clock = WallClock()
+def _stopped(path: str, name: str, clock: Clock) -> Stopping:
     try:
         link = Link(open_port(path), clock, name=name or path)
     except HardwareFailure as failure:
@@ -212,7 +223,8 @@ def stage_of(bench: str) -> OnBench:
         stage = on_emulated_bench(EMULATED_CALIBRATIONS)
         known = _fingerprints(EMULATED_CALIBRATIONS)
         return OnBench(stage, {"bench": "emulated, in virtual time", "calibrations": known})
-    spec, clock = load_bench(bench), WallClock()
+    spec = load_bench(bench)
+    clock = clock_of(spec)
     place = Workbench(spec, clock, prompt_of(spec), lambda: cameras_of(spec, clock))
     boards = {agent: board.unique_id or board.port for agent, board in spec.boards.items()}
     calibrations = _fingerprints(spec.calibration_folder)

@@ -18,6 +18,7 @@ from typing import Self
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import refused_writes_explained
 from testbed.hardware.bench_file import RIG, BenchSpec, BoardSpec, CamerasSpec, save_bench
+from testbed.hardware.bench_time import Shown
 from testbed.hardware.charuco import CharucoSpec
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.hands import Hands
@@ -34,7 +35,7 @@ FRAME_RATE = 20.0
 """Pairs a second at best; the student looks 15 times a second."""
 _PAUSE = 0.1  # s between two frames of cameras that are slow already
 _YIELD = 2e-4  # s in which other threads get on
-_SLICE = 0.004  # s: within this time a board hears what was said to it
+_SLICE = 0.001  # s: within this time a board hears what was said to it
 _MOST_BEHIND = 0.1  # s; what is more is given up, or the bench would race to catch up
 _WORST = 0.9  # of real time: slower than this it is told
 
@@ -79,6 +80,7 @@ class LiveBench:
         self._hands = hands
         self._warm_up()
         self._streams = Streams(SIDES, port)
+        self._clock = Shown(folder / "clock")
         self._server = HandsServer(folder / "hands", self._do)
         self._camera_man = threading.Thread(target=self._film, name="cameras", daemon=True)
         self.spec = save_bench(
@@ -91,6 +93,7 @@ class LiveBench:
                     measured_baseline=measured_baseline(bench),
                 ),
                 hands=str(folder.absolute() / "hands"),
+                clock=str(folder.absolute() / "clock"),
             ),
             folder / "bench.yaml",
         )
@@ -107,12 +110,13 @@ class LiveBench:
                 anchor += behind - _MOST_BEHIND
             with self._lock:
                 self._bench.advance(min(max(behind, 0.0), _SLICE))
+                self._clock.tell(self._bench.now())
             time.sleep(_SLICE / 2 if behind < _SLICE / 2 else _YIELD)
             now = time.monotonic()
             if now - told > 10:
                 share = 1 - self._slipped / (now - told)
                 if share < _WORST:
-                    tell(f"this machine is too slow: the bench runs at {share:.0%} of real time")
+                    tell(f"this machine is busy: the bench's time goes at {share:.0%} of ours")
                 told, self._slipped = now, 0.0
 
     def port_of(self, agent: str) -> str:
@@ -206,7 +210,12 @@ def started(scenario: str, folder: Path, *, seed: int = 0, port: int = 0) -> Ite
 
 
 def spec_of(
-    bench: EmulatedBench, folder: Path, cameras: CamerasSpec | None = None, *, hands: str | None = None
+    bench: EmulatedBench,
+    folder: Path,
+    cameras: CamerasSpec | None = None,
+    *,
+    hands: str | None = None,
+    clock: str | None = None,
 ) -> BenchSpec:
     """The bench file of an emulated bench whose ports are in a folder; its own cameras if none are given."""
     boards = {
@@ -221,6 +230,7 @@ def spec_of(
         cameras=cameras or _own_cameras(bench),
         port_globs=(str(folder.absolute() / "tty-*"),),
         hands=hands,
+        clock=clock,
     )
 
 
