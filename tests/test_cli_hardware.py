@@ -261,7 +261,7 @@ def test_a_bench_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         "student": BoardSpec(unique_id="12e4"),
         "rig": BoardSpec(port="/dev/ttyUSB0", build="feetech", imu="77"),
     }
-    spec = BenchSpec(boards=boards, port_globs=("/tmp/x*",), board_square=0.0281)
+    spec = BenchSpec(boards=boards, port_globs=("ports/x*",), board_square=0.0281)
     assert save_bench(spec, tmp_path / "below" / "bench.yaml") == spec
     assert (
         load_bench(tmp_path / "below" / "bench.yaml").calibration_folder

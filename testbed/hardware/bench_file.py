@@ -110,7 +110,7 @@ class BenchSpec(Spec):
         description="a square of the printed board, measured; as designed if not said",
     )
     port_globs: tuple[str, ...] = Field(
-        (), max_length=20, description="further places to look for ports, such as /tmp/bench/tty*"
+        (), max_length=20, description="further places to look for ports, such as ports/tty-*"
     )
     clock: str | None = Field(
         None, description="of an emulated bench: the file that tells its time, which may go slower than ours"
