@@ -116,9 +116,12 @@ def test_a_board_is_found_by_its_id_wherever_it_is_and_busy_ports_are_left_alone
     busy = open_port(wires[0].path)
     assert find_board(UNIQUE, table, [pattern]).path == wires[2].path
     assert not peers[0].frames
-    with pytest.raises(PortMissing, match=r"the board f+ of student is not there \(3 ports were looked at\)"):
+    missing = r"the board f+ of student is not there \(3 ports were looked at\)"
+    with pytest.raises(PortBusy, match=rf"{missing}, but another program has the port .*ttyA"):
         find_board("ff" * 8, table, [pattern], name="student")
     busy.close()
+    with pytest.raises(PortMissing, match=missing.replace("f+", "e+")):
+        find_board("ee" * 8, table, [pattern], name="student")
     assert find_board("FF" * 8, table, [pattern]).path == wires[0].path
     assert ask(wires[0].path, table).unique_id == "ff" * 8
     for wire in wires:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable
 
 import serial
@@ -12,6 +11,8 @@ from testbed.hardware.failures import (
     HardwareFailure,
     LinkLost,
     NoAnswer,
+    PortBusy,
+    PortDenied,
     PortMissing,
     WrongBoard,
     WrongFirmware,
@@ -90,17 +91,26 @@ def find_board(unique_id: str, clock: Clock, globs: Iterable[str] = (), *, name:
 
     Raises:
         PortMissing: If it is nowhere.
+        PortBusy: If it is nowhere, and another program has a port; PortDenied likewise.
     """
     ports = found_ports(globs)
     for port in ports:
         if is_usb_serial(port, unique_id):
             return port
+    closed: HardwareFailure | None = None
     for port in ports:
-        with contextlib.suppress(HardwareFailure):
+        try:
             if ask(port.path, clock).unique_id == unique_id.casefold():
                 return port
+        except (PortBusy, PortDenied) as failure:
+            closed = failure  # the board may be behind it
+        except HardwareFailure:
+            continue
     looked = f"{len(ports)} ports were looked at" if ports else "there are no serial ports"
-    raise PortMissing(f"the board {unique_id} {f'of {name} ' if name else ''}is not there ({looked})")
+    missing = f"the board {unique_id} {f'of {name} ' if name else ''}is not there ({looked})"
+    if closed is not None:
+        raise type(closed)(f"{missing}, but {closed.what}")
+    raise PortMissing(missing)
 
 
 def is_usb_serial(port: PortInfo, unique_id: str) -> bool:
