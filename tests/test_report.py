@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,10 +13,12 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
+import synthetic_run
 from matplotlib.figure import Figure
 from synthetic_run import CONTROL_STEP, LOOKS, PERFORM_START, PERFORM_STEPS, Story, write_synthetic_run
 
 from testbed.errors import UserError
+from testbed.morphology import Morphology
 from testbed.report.claims import claims
 from testbed.report.desk import Desk
 from testbed.report.figures import figure_7
@@ -78,6 +82,23 @@ class Page(HTMLParser):
             self.cells[-1][-1] += data
 
 
+@pytest.fixture(scope="module", autouse=True)
+def walked_once() -> Iterator[None]:
+    """The invented crawl of a body is the same in every run here: it is worked out once."""
+    known: dict[tuple[str, int, float], tuple[np.ndarray, np.ndarray]] = {}
+
+    def crawl(body: Morphology, steps: int, depth: float) -> tuple[np.ndarray, np.ndarray]:
+        key = (body.name, steps, depth)
+        if key not in known:
+            known[key] = walk(body, steps, depth)
+        return known[key]
+
+    walk = synthetic_run.crawl
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(synthetic_run, "crawl", crawl)
+        yield
+
+
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of one trial in which the student imitates the crawler, and its report."""
@@ -97,11 +118,21 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def nobody(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run in which one teacher was not found and nobody imitated, and its report."""
+    """A run in which one teacher was not found and nobody imitated, described in markup, and its report."""
     story = Story(chosen=None, found=(False, True))
-    folder = write_synthetic_run(tmp_path_factory.mktemp("nobody"), story, passes=60)
+    folder = write_synthetic_run(tmp_path_factory.mktemp("nobody"), story, passes=30)
+    file = folder / "scenario.resolved.yaml"
+    text = file.read_text()
+    assert "Invented numbers." in text
+    file.write_text(text.replace("Invented numbers.", "<script>alert('&')</script>"))
     write_report(folder)
     return folder
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Trial:
+    """The only trial of a small run without a report."""
+    return read_run(write_synthetic_run(tmp_path_factory.mktemp("small"), passes=30)).trials[0]
 
 
 def text_of(folder: Path) -> str:
@@ -187,22 +218,16 @@ def test_the_papers_figures_are_kept_as_files(many: Path) -> None:
     assert "mean ± SEM of 7 trials" in (many / "figures" / "figure_6.svg").read_text()
 
 
-def trial_with(folder: Path, **arrays: object) -> Trial:
-    """The only trial of a small synthetic run, some of its arrays replaced."""
-    write_synthetic_run(folder, passes=30)
-    trial = read_run(folder).trials[0]
-    np.savez(trial.path, allow_pickle=False, **{**trial.arrays(), **arrays})
-    return trial
+def with_arrays(trial: Trial, path: Path, **arrays: object) -> Trial:
+    """The trial with some of its arrays replaced, kept in another file."""
+    np.savez(path, allow_pickle=False, **{**trial.arrays(), **arrays})
+    return replace(trial, path=path)
 
 
-def test_the_page_counts_looks_and_parts(tmp_path: Path) -> None:
-    def lead(folder: Path, **arrays: object) -> str:
-        trial_with(folder, **arrays)
-        return teacher_modelling(Desk.of(read_run(folder)), read_run(folder).trials[0])
-
-    text = lead(tmp_path / "three")
-    assert "looks at each candidate three times and imagines bodies of three parts" in text
-    trial = trial_with(tmp_path / "two")
+def test_the_page_counts_looks_and_parts(one: Path, tmp_path: Path) -> None:
+    assert "looks at each candidate three times and imagines bodies of three parts" in text_of(one)
+    run = read_run(write_synthetic_run(tmp_path / "run", passes=30))
+    trial = run.trials[0]
     shorter = {}
     for name in ("teacher_0", "teacher_1"):
         shorter |= {
@@ -213,7 +238,7 @@ def test_the_page_counts_looks_and_parts(tmp_path: Path) -> None:
         history = trial.array(f"{name}/model_history")
         assert history is not None
         shorter[f"{name}/model_history"] = np.concatenate([history, history[:, :1]], axis=1)
-    text = lead(tmp_path / "four", **shorter)
+    text = teacher_modelling(Desk.of(run), with_arrays(trial, trial.path, **shorter))
     assert "looks at each candidate two times and imagines bodies of four parts" in text
 
 
@@ -249,8 +274,8 @@ def test_the_curves_of_models_end_at_the_last_pass_and_pairs_change_where_they_d
 
 
 @pytest.mark.parametrize("step", [0.1, 1 / 15, 0.02, 1 / 60, 0.01667, 0.005])
-def test_the_video_lasts_as_long_as_what_it_shows(tmp_path: Path, step: float) -> None:
-    trial = trial_with(tmp_path / "run", **{"time/control_step": np.float64(step)})
+def test_the_video_lasts_as_long_as_what_it_shows(small: Trial, tmp_path: Path, step: float) -> None:
+    trial = with_arrays(small, tmp_path / "0.npz", **{"time/control_step": np.float64(step)})
     shown = panes(trial)
     stride = stride_of(trial)
     assert stride == pytest.approx(1 / 30 / step)
@@ -300,11 +325,8 @@ def test_without_imitation_the_video_shows_who_was_watched(nobody: Path) -> None
     assert len(frames) == -(-shown[0].count // 2)
 
 
-def test_text_from_files_is_escaped(tmp_path: Path) -> None:
-    folder = write_synthetic_run(tmp_path / "run", Story(robots=("crawler",), chosen=None), passes=30)
-    file = folder / "scenario.resolved.yaml"
-    file.write_text(file.read_text().replace("Invented numbers.", "<script>alert('&')</script>"))
-    text = write_report(folder).read_text()
+def test_text_from_files_is_escaped(nobody: Path) -> None:
+    text = text_of(nobody)
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
 

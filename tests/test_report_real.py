@@ -12,11 +12,16 @@ from test_report import Page
 
 from testbed.report.reading import read_run
 from testbed.report.video import frame_count, panes, stride_of
+from testbed.resources import scenario_path
+
+COARSE = "rig: {camera_rate: 5}\n"  # with coarser images the student would imitate nobody
 
 
 def test_a_smoke_run_ends_with_a_page_about_itself(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "testbed", "run", "whom_to_imitate", "--smoke", "--out", str(folder)]
+    file = tmp_path / "whom_to_imitate.yaml"
+    file.write_text(scenario_path("whom_to_imitate").read_text(encoding="utf-8") + COARSE, encoding="utf-8")
+    command = [sys.executable, "-m", "testbed", "run", str(file), "--smoke", "--out", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
