@@ -53,6 +53,7 @@ def row(
 @settings(max_examples=40, deadline=None)
 @given(part)
 @example((0, 0.0, 0.15, 1.474609375, 0.0, 0.140625, 0.078125, 0.0231))
+@example((2, 0.25, 0.25, 0.875, -1.0, 0.125, 0.125, 0.09375))
 def test_one_part_covers_what_rays_meet(numbers: tuple[float, ...]) -> None:
     model = row(int(numbers[0]), *numbers[1:])
     ours, theirs = coverage(model, RIG), supersampled(model)

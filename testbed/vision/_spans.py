@@ -21,6 +21,9 @@ CORNERS = 24
 NEAREST = 0.02
 """What is nearer to the eye than this (m) is not drawn."""
 _CAP = 1.0 / math.sqrt(math.sin(math.pi / 4) / (math.pi / 4))
+_ROUNDER_CAP = 1.0 / math.sqrt(math.sin(math.pi / 8) / (math.pi / 8))
+_THICK = 2.0
+"""From this radius on (pixels) a cap has eight edges in place of four, which then cut off up to a tenth of a pixel."""
 _BALL = 16
 
 
@@ -80,9 +83,11 @@ def outline(
         dx, dy = 1.0, 0.0
     else:
         dx, dy = dx / distance, dy / distance
-    for i in range(5):
-        angle = (i - 2) * math.pi / 4
-        grown = 1.0 if i == 0 or i == 4 else _CAP
+    thick = max(ra, rb) > _THICK
+    edges = 8 if thick else 4
+    for i in range(edges + 1):
+        angle = (i - edges // 2) * math.pi / edges
+        grown = 1.0 if i == 0 or i == edges else _ROUNDER_CAP if thick else _CAP
         c = math.cos(angle) * dx - math.sin(angle) * dy
         s = math.cos(angle) * dy + math.sin(angle) * dx
         # Off the optical axis an image is stretched: a tangent at a distance h from the middle moves out by this.
@@ -92,9 +97,9 @@ def outline(
         py[i] = ey + wide * s
         h = (c * (ax - cu) + s * (ay - cv)) / focal
         wide = ra * grown * math.sqrt(1.0 + h * h)
-        px[5 + i] = ax - wide * c
-        py[5 + i] = ay - wide * s
-    return 10
+        px[edges + 1 + i] = ax - wide * c
+        py[edges + 1 + i] = ay - wide * s
+    return 2 * (edges + 1)
 
 
 @compiled
