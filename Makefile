@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 TOOLS := $(VENV)/.tools
 SCENARIO ?= scenarios/whom_to_imitate.yaml
 
-.PHONY: run leaderboard test lint bench firmware clean help
+.PHONY: run leaderboard test lint bench docs firmware clean help
 .DEFAULT_GOAL := help
 
 help:
@@ -16,6 +16,7 @@ help:
 	@echo "make leaderboard   all students and baselines on the same teachers"
 	@echo "make lint   style and types"
 	@echo "make bench  the benchmarks, into benchmarks/results.json"
+	@echo "make docs   the reference of the Python package, as web pages in build/docs"
 	@echo "make firmware   the robots' firmware, into hardware/firmware/build (needs gcc-avr)"
 	@echo "make clean  remove caches and the environment; runs/ stays"
 
@@ -57,6 +58,13 @@ $(STAMP): pyproject.toml constraints.txt
 $(TOOLS): $(STAMP)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
+
+# What people import; everything else is a step away by its links.
+docs: $(STAMP)
+	@$(BIN)/python -c 'import pdoc' 2>/dev/null || \
+		$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/python -W ignore -m pdoc --docformat google -o build/docs testbed
+	@echo "build/docs/index.html"
 
 firmware:
 	$(MAKE) -C hardware/firmware
