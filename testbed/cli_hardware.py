@@ -49,10 +49,10 @@ def find(
     """List serial ports with the boards that answer there, and cameras with a thumbnail each. Nothing moves."""
     from rich.console import Console
 
-    from testbed.hardware import find as finding
     from testbed.hardware.bench_file import load_bench, save_bench
-    from testbed.hardware.operate import clock_of
-    from testbed.hardware.tables import camera_table, port_table
+    from testbed.hardware.operating import find as finding
+    from testbed.hardware.operating.tables import camera_table, port_table
+    from testbed.hardware.operating.workbench import clock_of
 
     if out is not None and out.exists():
         raise UserError(f"{shown_path(out)} is there already", "give another name, or remove it first")
@@ -94,8 +94,8 @@ def name(
 ) -> None:
     """Give a board its name. What was calibrated under another one is measured anew."""
     from testbed.hardware.bench_file import is_agent
-    from testbed.hardware.board import Address, Board
     from testbed.hardware.clock import WallClock
+    from testbed.hardware.robots.board import Address, Board
 
     if not is_agent(agent):
         raise UserError(f"nobody is called '{agent}'", "boards are student, teacher_0, teacher_1, ... or rig")
@@ -115,18 +115,24 @@ def doctor(
             "--board", help="Also ask for the printed board, to see whether the cameras have moved."
         ),
     ] = False,
+    scenario: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Also hold the cameras against this scenario's rig.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check everything that can be checked without moving anything; each failure says how to mend it."""
     from rich.console import Console
 
-    from testbed.hardware.checks import all_well
-    from testbed.hardware.doctor import examine
-    from testbed.hardware.operate import workbench
-    from testbed.hardware.tables import check_table
+    from testbed.hardware.doctor.checks import all_well
+    from testbed.hardware.doctor.examination import examine
+    from testbed.hardware.operating.tables import check_table
+    from testbed.hardware.operating.workbench import workbench
+    from testbed.hardware.rig.rectification import student_rig
+    from testbed.scenario import load_scenario
 
     with workbench(bench) as place, progress_bar("checking", shown_from=1) as progress:
-        checks = examine(place, reads=reads, show_board=board, progress=progress)
+        eyes = None if scenario is None else student_rig(load_scenario(scenario).rig)
+        checks = examine(place, reads=reads, show_board=board, eyes=eyes, progress=progress)
     if as_json:
         _print_json(
             {"bench": bench, "well": all_well(checks), "checks": [check.as_row() for check in checks]}
@@ -208,7 +214,7 @@ def stop(
     A port that another program has cannot be reached: end that program, or cut the servos' power by the switch.
     """
     from testbed.hardware.bench_file import load_bench
-    from testbed.hardware.operate import POWER_CUT, stop_everything
+    from testbed.hardware.operating.stopping import POWER_CUT, stop_everything
 
     spec = load_bench(bench if bench is not None else DEFAULT) if bench or Path(DEFAULT).exists() else None
     done = stop_everything(spec)
@@ -239,8 +245,8 @@ def on_bench(backend: str, bench: str | None) -> OnBench | None:
                 "a simulated run needs no bench", "add '--backend hardware', or leave out --bench"
             )
         return None
-    from testbed.hardware.operate import EMULATED, EMULATED_CALIBRATIONS, stage_of
-    from testbed.hardware.rig_calibration import FILE
+    from testbed.hardware.calibration.rig import FILE
+    from testbed.hardware.operating.workbench import EMULATED, EMULATED_CALIBRATIONS, stage_of
 
     if bench == EMULATED and not (EMULATED_CALIBRATIONS / FILE).exists():
         typer.echo("calibrating the emulated bench, this once:", err=True)
@@ -253,18 +259,20 @@ def _dry_run(file: str, bench: str, seed: int | None, trials: int | None, *, as_
     from rich.console import Console
 
     from testbed.experiment.jobs import jobs_of
-    from testbed.hardware.checks import all_well
-    from testbed.hardware.doctor import examine
-    from testbed.hardware.operate import workbench
-    from testbed.hardware.setup_sheet import misfits, setup_rows
-    from testbed.hardware.tables import check_table, sheet_table
+    from testbed.hardware.doctor.checks import all_well
+    from testbed.hardware.doctor.examination import examine
+    from testbed.hardware.operating.setup_sheet import misfits, setup_rows
+    from testbed.hardware.operating.tables import check_table, sheet_table
+    from testbed.hardware.operating.workbench import workbench
+    from testbed.hardware.rig.rectification import student_rig
     from testbed.scenario import check, load_scenario, with_overrides
 
     scenario = with_overrides(load_scenario(file), seed=seed, trials=trials)
     check(scenario)
     with workbench(bench) as place, progress_bar("checking", shown_from=1) as progress:
         wrong = misfits(scenario, place.spec)
-        checks = examine(place, reads=_READS_BEFORE_A_RUN, progress=progress)
+        eyes = student_rig(scenario.rig)
+        checks = examine(place, reads=_READS_BEFORE_A_RUN, eyes=eyes, progress=progress)
         job = jobs_of(scenario)[0]
         rows = setup_rows(scenario, job.trial, job.cell, place.spec)
     well = all_well(checks) and not wrong

@@ -98,7 +98,8 @@ def _print_verdicts(
         chosen = ", chosen" if row["chosen"] else ""
         typer.echo(f"{row['student']} of {row['teacher']}: {row['verdict']}{score}{chosen}")
     if not finished:
-        typer.echo("the journal ends before the student had decided; run the scenario again to go on")
+        then = "run the scenario again to go on" if recorded is None else "what it said then is recorded"
+        typer.echo(f"the journal ends before the student had decided; {then}")
     elif recorded is None:
         typer.echo("there are no recorded verdicts to hold these against")
     elif differing:

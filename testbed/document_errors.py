@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from typing import Any, Protocol
 
 from pydantic import BaseModel, ValidationError
@@ -198,7 +199,10 @@ def _step(schema: Schema, key: str | int) -> Schema:
         prefix = schema.get("prefixItems", [])
         found = prefix[key] if key < len(prefix) else schema.get("items", {})
     else:
-        found = schema.get("properties", {}).get(key, schema.get("additionalProperties", {}))
+        named = schema.get("patternProperties", {}).items()  # of a dict whose keys have a form
+        other = next((inner for form, inner in named if re.search(form, key)), None)
+        other = schema.get("additionalProperties", {}) if other is None else other
+        found = schema.get("properties", {}).get(key, other)
     return found if isinstance(found, dict) else {}
 
 

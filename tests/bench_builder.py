@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from testbed.hardware.backdrop import save_backdrop
 from testbed.hardware.bench_file import PAN, RIG
-from testbed.hardware.calibration import (
+from testbed.hardware.calibration.records import (
     JointCalibration,
     ServoCalibration,
     TiltCalibration,
     save_calibration,
     today,
 )
+from testbed.hardware.calibration.rig import save_calibration as save_rig
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.mounting import Mounting
 from testbed.hardware.emulation.servos import Servo
 from testbed.hardware.emulation.truth import true_backdrop, true_calibration
-from testbed.hardware.rig_calibration import save_calibration as save_rig
+from testbed.hardware.rig.backdrop import save_backdrop
 from testbed.morphology import Morphology
 from testbed.scenario import Scenario, load_scenario, with_overrides
 from testbed.vision.camera import StereoRig

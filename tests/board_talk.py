@@ -1,9 +1,10 @@
 """Talking to an emulated board with nothing between: no port, no retries."""
 
+import contextlib
 import struct
 
 from testbed.hardware.emulation.microcontroller import Microcontroller
-from testbed.hardware.protocol import REPLY, Identity, Parser, Request, State, encode
+from testbed.hardware.line.protocol import REPLY, Identity, Parser, Request, Result, State, encode
 
 UNIQUE = bytes(range(1, 9))
 REPLY_WAIT = 0.004  # a request of 10 bytes and a reply of 38 take 2 ms
@@ -59,3 +60,18 @@ class Talk:
     def since(self, time, channel=0):
         """The widths (us) of the pulses that began later than this (s)."""
         return [pulse.width_us for pulse in self.pulses if pulse.at > time and pulse.channel == channel]
+
+
+@contextlib.contextmanager
+def talking():
+    """A board for one test."""
+    talk = Talk()
+    yield talk
+    talk.board.close()
+
+
+def armed_with_limits(talk):
+    """The same board, allowed to move between 500 and 2500 us, 100 us a frame."""
+    assert talk.configure(1000, 5000, 1000, 5000, 200).result == Result.OK
+    assert talk.arm().result == Result.OK
+    return talk

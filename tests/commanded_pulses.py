@@ -12,10 +12,10 @@ import numpy as np
 
 from testbed.experiment.diary import UNFINISHED
 from testbed.hardware.bench_file import RIG
-from testbed.hardware.calibration import load_servos
+from testbed.hardware.calibration.records import load_servos
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.journal import Note, Step, Wire, read_journal
-from testbed.hardware.protocol import Parser, Request
+from testbed.hardware.line.protocol import Parser, Request
 
 ROUNDING = 0.6  # us
 LONGEST_SLEW = 0.7  # s from one end of a servo's travel to the other

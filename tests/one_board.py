@@ -8,11 +8,10 @@ from typing import Protocol
 
 import serial
 
-from testbed.hardware.board import Address
-from testbed.hardware.calibration import JointCalibration, ServoCalibration, TiltCalibration
+from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, TiltCalibration
 from testbed.hardware.clock import readable
 from testbed.hardware.emulation.wire import Wire
-from testbed.hardware.protocol import (
+from testbed.hardware.line.protocol import (
     PROTOCOL,
     REPLY,
     Flags,
@@ -22,6 +21,7 @@ from testbed.hardware.protocol import (
     State,
     encode,
 )
+from testbed.hardware.robots.board import Address
 
 UNIQUE = "1122334455667788"
 JOINTS = ("left", "right")

@@ -73,7 +73,7 @@ def make(here: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Iterator[C
     def on_bench() -> Subject:
         simavr_or_skip()  # type: ignore[no-untyped-call]
         from testbed.hardware.emulation.bench import EmulatedBench
-        from testbed.hardware.stage import BenchStage, workbench_of
+        from testbed.hardware.operating.stage import BenchStage, workbench_of
 
         ports = tmp_path_factory.mktemp("ports")
         bench = EmulatedBench(here, seed=SEED, ports=ports)

@@ -122,6 +122,12 @@ def simulation(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> 
     return ran(tmp_path_factory.mktemp("simulation"), scenario, World(), on_bench=False)
 
 
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> RunDirectory:
+    """As in simulation."""
+    return ran(tmp_path_factory.mktemp("bench"), scenario, World(), on_bench=True)
+
+
 def against(simulation: RunDirectory, folder: Path, scenario: Scenario, world: World) -> Comparison:
     return compared(simulation, ran(folder, scenario, world, on_bench=True))
 
@@ -237,9 +243,8 @@ def test_the_same_runs_give_the_same_files(
 
 
 def test_only_one_scenario_in_both_worlds_is_compared_so(
-    simulation: RunDirectory, scenario: Scenario, tmp_path: Path
+    simulation: RunDirectory, bench: RunDirectory, scenario: Scenario, tmp_path: Path
 ) -> None:
-    bench = ran(tmp_path / "bench", scenario, World(), on_bench=True)
     found = sim_and_bench([bench.path, simulation.path])
     assert found is not None
     assert [each.path for each in found] == [simulation.path, bench.path]
@@ -252,9 +257,12 @@ def test_only_one_scenario_in_both_worlds_is_compared_so(
 
 
 def test_the_command_finds_the_right_page(
-    simulation: RunDirectory, scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    simulation: RunDirectory,
+    bench: RunDirectory,
+    scenario: Scenario,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    bench = ran(tmp_path / "bench", scenario, World(), on_bench=True)
     arguments = ["report", str(simulation.path), str(bench.path), "--out", str(tmp_path / "page")]
     assert cli._status(cli.app, [*arguments, "--json"]) == 0
     contents = json.loads(capsys.readouterr().out)
@@ -266,14 +274,17 @@ def test_the_command_finds_the_right_page(
 
 
 def test_runs_of_both_worlds_never_mix_in_a_folder(
-    simulation: RunDirectory, scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    simulation: RunDirectory,
+    bench: RunDirectory,
+    scenario: Scenario,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def never(*_: object) -> Any:
         raise AssertionError("a stage was opened")
 
     with pytest.raises(Exception, match="holds a run in simulation; give another folder"):
         run(scenario, out=simulation.path, bench=OnBench(never))
-    bench = ran(tmp_path / "bench", scenario, World(), on_bench=True)
     with pytest.raises(Exception, match="holds a run on a bench; give another folder"):
         run(scenario, out=bench.path)
     assert bench_path(scenario).name == f"bench-{bench.hash8}-bench"

@@ -20,19 +20,21 @@ from hypothesis import strategies as st
 from scipy.special import erf
 from simavr_needed import simavr_or_skip
 
-from testbed.hardware import board_doctor
 from testbed.hardware.bench_file import BenchSpec, BoardSpec
-from testbed.hardware.board_doctor import machine_checks
-from testbed.hardware.calibration import load_servos, save_calibration
-from testbed.hardware.camera_doctor import sharpness
-from testbed.hardware.checks import Check, Outcome, all_well
-from testbed.hardware.doctor import examine
+from testbed.hardware.calibration.records import load_servos, save_calibration
+from testbed.hardware.doctor import boards as board_doctor
+from testbed.hardware.doctor.boards import machine_checks
+from testbed.hardware.doctor.cameras import sharpness
+from testbed.hardware.doctor.checks import Check, Outcome, all_well
+from testbed.hardware.doctor.examination import examine
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.wire import WireFaults
-from testbed.hardware.operate import Workbench
-from testbed.hardware.ports import open_port
-from testbed.hardware.stage import workbench_of
+from testbed.hardware.line.ports import open_port
+from testbed.hardware.operating.stage import workbench_of
+from testbed.hardware.operating.workbench import Workbench
+from testbed.hardware.rig.rectification import student_rig
 from testbed.scenario import Scenario, drawn, load_scenario
+from testbed.vision.camera import StereoRig
 
 simavr_or_skip()
 
@@ -85,17 +87,23 @@ def test_a_bench_in_order_passes_and_nothing_moves(
 ) -> None:
     with bench_at(tmp_path, one, kept) as (bench, place):
         told: list[tuple[int, int]] = []
-        checks = examine(place, reads=50, show_board=True, progress=lambda *done: told.append(done))
+        eyes = student_rig(one.rig)
+        checks = examine(
+            place, reads=50, show_board=True, eyes=eyes, progress=lambda *done: told.append(done)
+        )
         assert named(checks) == {}
         assert all_well(checks)
         assert not any(board.pulses for board in bench.boards.values())
         assert told[-1][0] == told[-1][1]
+        for other in (StereoRig(baseline=0.12), StereoRig(field_of_view=math.radians(52))):
+            again = examine(only(place, {"cameras"}), eyes=other)
+            assert named(again).keys() == {("cameras", "scenario's rig")}
     names = {(each.about, each.name) for each in checks if each.outcome is Outcome.PASSED}
     for agent in ("student", "teacher_0"):
         for what in ("port", "firmware", "line", "tilt sensor", "tilt calibration", "servo calibration"):
             assert (agent, what) in names
     assert ("rig", "tilt sensor") not in names
-    assert ("cameras", "board re-check") in names
+    assert {("cameras", "board re-check"), ("cameras", "scenario's rig")} <= names
     assert ("this machine", "permissions") in names
 
 

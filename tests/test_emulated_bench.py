@@ -17,7 +17,7 @@ from simavr_needed import simavr_or_skip
 from testbed.errors import UserError
 from testbed.frames import tilt_of
 from testbed.hardware.bench_file import RIG
-from testbed.hardware.calibration import tilt_from
+from testbed.hardware.calibration.records import tilt_from
 from testbed.hardware.emulation.mounting import Mounting, felt
 from testbed.hardware.emulation.servos import SILENCE, Servo, Servos
 from testbed.morphology import load_robot
@@ -27,10 +27,10 @@ from testbed.world.placement import STUDENT
 
 simavr_or_skip()  # type: ignore[no-untyped-call]
 
-from testbed.hardware.board import Address, Board  # noqa: E402
 from testbed.hardware.emulation.bench import EmulatedBench  # noqa: E402
 from testbed.hardware.emulation.hands import Hands  # noqa: E402
 from testbed.hardware.prompt import Question  # noqa: E402
+from testbed.hardware.robots.board import Address, Board  # noqa: E402
 
 LIMITS = np.array([[600.0, 2400.0], [600.0, 2400.0]])
 

@@ -12,7 +12,7 @@ from simavr_needed import simavr_or_skip
 from testbed.errors import UserError
 from testbed.hardware.emulation import building
 from testbed.hardware.emulation.microcontroller import Microcontroller
-from testbed.hardware.protocol import Identity, Parser, Result, State, encode
+from testbed.hardware.line.protocol import Identity, Parser, Result, State, encode
 
 HARDWARE = Path(__file__).resolve().parents[1] / "hardware"
 FIRMWARE = HARDWARE / "firmware"

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from testbed.errors import UserError
-from testbed.hardware.board_pdf import write_board
-from testbed.hardware.charuco import BoardDetector, CharucoSpec
+from testbed.hardware.calibration.board_pdf import write_board
+from testbed.hardware.calibration.charuco import BoardDetector, CharucoSpec
 
 SHIPPED = Path(__file__).parents[1] / "hardware" / "board" / "charuco_a4.pdf"
 POINT = 25.4 / 72  # mm

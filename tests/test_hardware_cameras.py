@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from testbed.hardware.cameras import VideoCamera, found_cameras, lock_settings, read_settings
 from testbed.hardware.clock import WallClock
 from testbed.hardware.failures import CameraMissing
+from testbed.hardware.rig.cameras import VideoCamera, found_cameras, lock_settings, read_settings
 
 SIZE = (640, 480)
 

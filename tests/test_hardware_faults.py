@@ -16,11 +16,10 @@ from commanded_pulses import PATIENCE, check_pulses
 from simavr_needed import simavr_or_skip
 
 from testbed.experiment.diary import Diary, Told
-from testbed.experiment.trial import live, run_trial
+from testbed.experiment.trial import live
 from testbed.experiment.witness import Witness
 from testbed.hardware.bench_file import RIG
 from testbed.hardware.failures import HardwareFailure
-from testbed.hardware.journal import read_journal, steps_of
 from testbed.scenario import Scenario, drawn
 from testbed.world.env import World
 from testbed.world.placement import STUDENT
@@ -30,7 +29,8 @@ simavr_or_skip()  # type: ignore[no-untyped-call]
 from testbed.hardware.emulation.bench import EmulatedBench  # noqa: E402
 from testbed.hardware.emulation.cameras import CameraFaults, swap  # noqa: E402
 from testbed.hardware.emulation.mounting import Mounting  # noqa: E402
-from testbed.hardware.stage import BenchStage, on_bench, workbench_of  # noqa: E402
+from testbed.hardware.emulation.wire import WireFaults  # noqa: E402
+from testbed.hardware.operating.stage import BenchStage, workbench_of  # noqa: E402
 
 STEPS = 30
 BREAKS = 0.35  # s after the first step
@@ -72,6 +72,7 @@ class Stand:
         for name, board in self.bench.boards.items():
             if not board.wire.plugged:
                 board.wire.replug()
+            board.wire.faults = WireFaults()
             board.mounting = self.mountings[name]
             if board.mounting is not None:
                 board.chip.set_imu("fine")
@@ -114,13 +115,17 @@ def here() -> Scenario:
     return drawn(short_life(), 0)
 
 
+@contextlib.contextmanager
+def stand_at(folder: Path, here: Scenario) -> Iterator[Stand]:
+    with EmulatedBench(here, seed=SEED, ports=folder / "ports") as bench:
+        mountings = {name: board.mounting for name, board in bench.boards.items()}
+        yield Stand(bench, folder / "ports", calibrated(bench, folder), here, mountings)
+
+
 @pytest.fixture(scope="module")
 def shared(here: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
-    ports = tmp_path_factory.mktemp("ports")
-    with EmulatedBench(here, seed=SEED, ports=ports) as bench:
-        mountings = {name: board.mounting for name, board in bench.boards.items()}
-        folder = calibrated(bench, tmp_path_factory.mktemp("calibrations"))
-        yield Stand(bench, ports, folder, here, mountings)
+    with stand_at(tmp_path_factory.mktemp("stand"), here) as stand:
+        yield stand
 
 
 @pytest.fixture
@@ -158,6 +163,15 @@ def unplug_for_a_moment(bench: EmulatedBench) -> None:
     bench.later(0.2, bench.boards[STUDENT].wire.replug)
 
 
+def noisy_line(rate: float, of: str = STUDENT) -> Callable[[EmulatedBench], None]:
+    """Of the bytes both ways so many are dropped, as many flipped, and as many doubled."""
+
+    def breaks(bench: EmulatedBench) -> None:
+        bench.boards[of].wire.faults = WireFaults(drop=rate, flip=rate, double=rate)
+
+    return breaks
+
+
 def go_wild(bench: EmulatedBench) -> None:
     board = bench.boards[STUDENT]
     assert board.mounting is not None
@@ -171,6 +185,7 @@ FAULTS: dict[str, tuple[Callable[[EmulatedBench], None], str]] = {
     "cable pulled": (unplug(STUDENT), "LinkLost"),
     "cable pulled and back": (unplug_for_a_moment, "LinkLost"),
     "cable of the rig": (unplug(RIG), "LinkLost"),
+    "a line that loses a third of its bytes": (noisy_line(0.1), "LinkLost"),
     "stop button": (chip("press_stop"), "Stopped"),
     "tilt sensor unplugged": (chip("set_imu", "unplugged"), "ImuMissing"),
     "tilt sensor stuck": (chip("set_imu", "stuck"), "ImuStuck"),
@@ -232,6 +247,25 @@ def broken_off(stand: Stand, fault: str, journal: Path) -> Told:
     return told
 
 
+def test_the_same_trial_with_the_same_fault_has_the_same_bytes(here: Scenario, tmp_path: Path) -> None:
+    """Every frame, step and moment of two benches in virtual time."""
+    journals = []
+    for name in ("one", "other"):
+        with stand_at(tmp_path / name, here) as stand, contextlib.suppress(HardwareFailure):
+            stand.lead(tmp_path / name / "0.journal", noisy_line(0.003))
+        journals.append((tmp_path / name / "0.journal").read_bytes())
+    assert journals[0] == journals[1]
+    assert len(journals[0]) > 20_000
+
+
+@pytest.mark.parametrize("rate", [0.001, 0.003])
+def test_noise_on_a_line_is_borne_and_moves_nobody(stand: Stand, rate: float, tmp_path: Path) -> None:
+    begun = stand.bench.now()
+    stand.lead(tmp_path / "0.journal", noisy_line(rate))
+    assert Told(tmp_path / "0.journal").finished
+    assert stand.check_pulses(tmp_path / "0.journal", since=begun) > 100
+
+
 @pytest.mark.parametrize("faults", [{"dropping": 0.3}, {"gain": 1.12}, {"late": 0.01}], ids=str)
 def test_what_can_be_borne_is_borne(stand: Stand, faults: dict[str, float], tmp_path: Path) -> None:
     stand.lead(tmp_path / "0.journal", camera(**faults))
@@ -248,23 +282,3 @@ def test_who_is_forgotten_for_too_long_goes_limp(stand: Stand, tmp_path: Path) -
     with pytest.raises(HardwareFailure) as failure:
         stand.lead(tmp_path / "0.journal", student=Waver(pause))
     assert failure.value.outcome == "WentLimp"
-
-
-def test_a_whole_life_through_a_brown_out_ends_with_the_right_verdict(stand: Stand, tmp_path: Path) -> None:
-    """In the middle of watching the first teacher."""
-    journal, begun = tmp_path / "0.journal", stand.bench.now()
-    opener = on_bench(workbench_of(stand.bench, stand.ports, stand.calibrations), stand.bench)
-    stand.bench.later(10.3, lambda: chip("brown_out", of="teacher_0")(stand.bench))
-    with pytest.raises(HardwareFailure, match="restarted"):
-        run_trial(short_life(), 0, stage=opener, journal=journal)
-    told = Told(journal)
-    assert told.steps[-1].commands["teacher_0"].any()
-    stand.mend()
-    result = run_trial(short_life(), 0, stage=opener, journal=journal)
-    rows = [row for row in result.rows if row["kind"] == "verdict"]
-    assert [row["verdict"] for row in rows] == ["appropriate", "inappropriate"]
-    notes = Told(journal).notes
-    assert [note.kind for note in notes] == ["unfinished", "failed", "resumed", "finished"]
-    assert int(notes[2].text.split()[-1]) > 100
-    assert len(steps_of(read_journal(journal))) == len(result.arrays["truth/student/actions"]) + 1
-    assert stand.check_pulses(journal, since=begun) > 500

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from one_board import UNIQUE, Peer, Table, upright
 
-from testbed.hardware.board import Address
-from testbed.hardware.calibration import JointCalibration, ServoCalibration, save_calibration
+from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, save_calibration
 from testbed.hardware.emulation.feetech_bus import FeetechBus
 from testbed.hardware.emulation.wire import Wire, WireFaults
 from testbed.hardware.failures import (
@@ -28,11 +27,12 @@ from testbed.hardware.failures import (
     Stopped,
     WrongBoard,
 )
-from testbed.hardware.feetech import FeetechRobot
-from testbed.hardware.feetech_line import Instruction, Register, packet, split
-from testbed.hardware.feetech_servo import TICKS_PER_RAD, BusSettings
-from testbed.hardware.protocol import Flags
-from testbed.hardware.robot import Robot
+from testbed.hardware.line.bus import Instruction, Register, packet, split
+from testbed.hardware.line.protocol import Flags
+from testbed.hardware.robots.board import Address
+from testbed.hardware.robots.bus_servo import TICKS_PER_RAD, BusSettings
+from testbed.hardware.robots.feetech import FeetechRobot
+from testbed.hardware.robots.robot import Robot
 
 TICK = 0.5 / TICKS_PER_RAD
 IDS = {"left": 3, "right": 7}

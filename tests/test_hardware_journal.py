@@ -15,7 +15,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbed.errors import UserError
-from testbed.hardware.journal import MAGIC, Journal, Note, Record, Step, Wire, read_journal, steps_of
+from testbed.hardware.journal import (
+    MAGIC,
+    Journal,
+    Lost,
+    Note,
+    Record,
+    Step,
+    Wire,
+    read_journal,
+    steps_of,
+    whole_steps,
+)
 
 number = st.floats(allow_nan=False, width=64)
 
@@ -140,17 +151,49 @@ def test_what_a_power_cut_leaves_at_the_end_is_left_out(
     assert (tmp_path / "j").read_bytes() == contents
 
 
-def test_a_changed_byte_is_never_read_as_something_else(
+def test_a_changed_byte_costs_its_record_and_is_never_read_as_something_else(
     whole: tuple[bytes, list[Record]], tmp_path: Path
 ) -> None:
     contents, records = whole
+    path = tmp_path / "j"
     for at in range(len(MAGIC), len(contents)):
         spoilt = bytearray(contents)
         spoilt[at] ^= 0x10
-        (tmp_path / "j").write_bytes(spoilt)
-        kept = read_journal(tmp_path / "j")
-        assert kept == records[: len(kept)]
-        assert len(kept) < len(records)
+        path.write_bytes(spoilt)
+        kept = read_journal(path)
+        whole_ones = [record for record in kept if not isinstance(record, Lost)]
+        assert len(whole_ones) == len(records) - 1
+        assert all(record in records for record in whole_ones)
+        holes = [record.count for record in kept if isinstance(record, Lost)]
+        if whole_ones == records[:-1]:  # the last one: a torn end
+            assert holes == []
+            continue
+        assert len(kept) == len(records)
+        assert holes[0] > 8
+        Journal(path).close()  # going on takes nothing away
+        assert path.read_bytes() == spoilt
+
+
+@pytest.mark.parametrize("hole", [b"\xff" * 3, bytes(5000), b"W" * 2000])
+def test_what_is_put_between_is_counted(
+    whole: tuple[bytes, list[Record]], tmp_path: Path, hole: bytes
+) -> None:
+    contents, records = whole
+    (tmp_path / "j").write_bytes(contents + hole + contents[len(MAGIC) :])
+    at = records[-1].at
+    assert read_journal(tmp_path / "j") == [*records, Lost(at, len(hole)), *records]
+
+
+def test_steps_end_where_one_is_lost_until_it_is_made_again() -> None:
+    def numbers(*made: int) -> tuple[list[int], bool]:
+        steps, whole = whole_steps([step(count) for count in made])
+        return [one.number for one in steps], whole
+
+    assert numbers(0, 1, 2) == ([0, 1, 2], True)
+    assert numbers(0, 1, 3, 4) == ([0, 1], False)
+    assert numbers(0, 1, 3, 4, 1, 2) == ([0, 1, 2], True)
+    assert numbers(1, 2) == ([], False)
+    assert numbers() == ([], True)
 
 
 def test_a_killed_process_leaves_all_but_its_last_second(tmp_path: Path) -> None:

@@ -13,9 +13,9 @@ from one_board import Peer, Table
 from testbed.hardware.clock import WallClock
 from testbed.hardware.emulation.wire import Wire, WireFaults, garbage
 from testbed.hardware.failures import LinkLost, NoAnswer
-from testbed.hardware.link import Link, LinkSpec
-from testbed.hardware.ports import open_port
-from testbed.hardware.protocol import REPLY, Frame, Parser, Request, encode
+from testbed.hardware.line.link import Link, LinkSpec
+from testbed.hardware.line.ports import open_port
+from testbed.hardware.line.protocol import REPLY, Frame, Parser, Request, encode
 
 
 @pytest.fixture

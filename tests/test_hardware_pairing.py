@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbed.hardware.cameras import Frame
 from testbed.hardware.emulation.cameras import EmulatedCamera, emulated_pair
 from testbed.hardware.emulation.lens import SIZE, Lens, Mount, RigTruth
 from testbed.hardware.emulation.scenes import Picture, Shot
@@ -19,7 +18,8 @@ from testbed.hardware.failures import (
     CamerasApart,
     CameraStalled,
 )
-from testbed.hardware.pairing import Pairing, PairingSpec
+from testbed.hardware.rig.cameras import Frame
+from testbed.hardware.rig.pairing import Pairing, PairingSpec
 
 
 class Clock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pickle
 from collections.abc import Iterator
@@ -14,9 +15,10 @@ from one_board import UNIQUE, Peer, Table
 from testbed.errors import UserError
 from testbed.hardware import failures
 from testbed.hardware.emulation.wire import Wire
-from testbed.hardware.failures import HardwareFailure, PortBusy, PortDenied, PortMissing
-from testbed.hardware.handshake import ask, find_board
-from testbed.hardware.ports import PortInfo, found_ports, open_port
+from testbed.hardware.failures import HardwareFailure, LinkLost, PortBusy, PortDenied, PortMissing
+from testbed.hardware.line import ports as opening
+from testbed.hardware.line.handshake import ask, find_board
+from testbed.hardware.line.ports import PortInfo, found_ports, open_port, write_all
 
 NAMED = [
     kind for kind in vars(failures).values() if isinstance(kind, type) and issubclass(kind, HardwareFailure)
@@ -132,9 +134,30 @@ def test_a_usb_serial_number_tells_without_opening_anything(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     ports = [PortInfo("/dev/a", serial_number="X1"), PortInfo("/dev/b", serial_number="x2")]
-    monkeypatch.setattr("testbed.hardware.handshake.found_ports", lambda globs: ports)
-    monkeypatch.setattr("testbed.hardware.handshake.ask", lambda *_: pytest.fail("was opened"))
+    monkeypatch.setattr("testbed.hardware.line.handshake.found_ports", lambda globs: ports)
+    monkeypatch.setattr("testbed.hardware.line.handshake.ask", lambda *_: pytest.fail("was opened"))
     assert find_board("X2", Table()).path == "/dev/b"
+
+
+def test_a_process_that_was_stopped_while_it_wrote_has_lost_nothing(
+    wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = open_port(wire.path)
+    hours = itertools.count()
+    monkeypatch.setattr("serial.serialutil.Timeout.TIME", lambda: 3600.0 * next(hours))
+    write_all(port, "student", b"all of it")
+    assert wire.from_host(0.0) == b"all of it"
+    port.close()
+
+
+def test_a_port_that_takes_nothing_any_more_is_a_lost_link(
+    wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = open_port(wire.path)
+    monkeypatch.setattr(opening, "_FULL", 0.05)
+    with pytest.raises(LinkLost, match="resource temporarily unavailable"):
+        write_all(port, "student", bytes(1_000_000))
+    port.close()
 
 
 def test_an_open_port_never_waits(wire: Wire) -> None:

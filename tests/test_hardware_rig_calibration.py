@@ -14,9 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbed.frames import rotation_about
-from testbed.hardware.board_check import check_rig, pitch_of
-from testbed.hardware.charuco import BoardDetector, BoardView, CharucoSpec
-from testbed.hardware.coverage import Coverage
+from testbed.hardware.calibration.board_check import check_rig, pitch_of
+from testbed.hardware.calibration.charuco import BoardDetector, BoardView, CharucoSpec
+from testbed.hardware.calibration.coverage import Coverage
+from testbed.hardware.calibration.rig import (
+    RigCalibration,
+    calibrate_rig,
+    load_calibration,
+    save_calibration,
+)
+from testbed.hardware.calibration.rig_fit import BoardPair, fit_rig
+from testbed.hardware.calibration.rig_procedure import BoardWatcher, calibrate_stereo
 from testbed.hardware.emulation.cameras import developed, emulated_pair
 from testbed.hardware.emulation.lens import Lens, Mount, RigTruth, Sensor, built_rig
 from testbed.hardware.emulation.poses import held, held_about, held_as_asked
@@ -24,14 +32,6 @@ from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.emulation.truth import true_calibration, true_geometry
 from testbed.hardware.failures import CalibrationForeign, CalibrationStale, NotCalibrated, RigMoved
 from testbed.hardware.prompt import Question, nothing
-from testbed.hardware.rig_calibration import (
-    RigCalibration,
-    calibrate_rig,
-    load_calibration,
-    save_calibration,
-)
-from testbed.hardware.rig_fit import BoardPair, fit_rig
-from testbed.hardware.rig_procedure import BoardWatcher, calibrate_stereo
 from testbed.morphology import Vector
 
 BOARD = CharucoSpec()

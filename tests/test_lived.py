@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from testbed.errors import UserError
 from testbed.experiment.diary import Diary, Told
 from testbed.experiment.lived import EndOfRecordError, Lived, resting_place
 from testbed.experiment.stage import SimulatedStage
+from testbed.experiment.trial_report import _perform_arrays
 from testbed.experiment.witness import Witness
 from testbed.hardware.failures import LinkLost
 from testbed.hardware.journal import Step
@@ -61,15 +64,18 @@ def teach(number: int) -> np.ndarray:
     return np.array([0.2, 0.1 * number]) if number > 20 else np.zeros(2)
 
 
-def episode(here: Scenario, backend: Backend) -> list[bytes]:
+def episode(here: Scenario, backend: Backend, witness: Witness | None = None) -> list[bytes]:
     """What the student senses at each step."""
     world = World(here, backend=backend)
     observations, _ = world.reset(seed=4)
+    notes = (lambda: None) if witness is None else witness.note
+    notes()
     senses = []
     for number in range(1, STEPS + 1):
         senses.append(b"".join(sense.tobytes() for sense in observations[STUDENT].values()))
         actions = dict.fromkeys(("teacher_0", "teacher_1"), teach(number))
         observations, *_ = world.step({**actions, STUDENT: act(number, observations[STUDENT])})
+        notes()
     return senses
 
 
@@ -131,18 +137,59 @@ def test_robots_take_their_posture_before_the_world_goes_on(here: Scenario, tmp_
     assert 18 <= later.exposed <= 21
 
 
-def test_the_truth_of_what_is_told_again_is_unknown(here: Scenario, tmp_path: Path) -> None:
-    with pytest.raises(LinkLost):
-        lead(here, tmp_path / "journal", fails_at=31)
-    stage = SimulatedStage(here)
+def test_the_truth_of_what_is_told_again_is_kept(here: Scenario, tmp_path: Path) -> None:
+    """Up to where the trial goes on; there everybody was carried back, which is said."""
+    logs = []
+    for name, fails_at in (("undisturbed", None), ("broken", 31), ("broken", None)):
+        stage = Failing(here, fails_at)
+        with contextlib.suppress(LinkLost), Diary(tmp_path / name) as diary:
+            lived = diary.lived(here, stage)
+            witness = Witness(here, lived, lived)
+            episode(here, lived, witness)
+            logs.append(witness.log()["truth/student/base"])
+        stage.close()
+    undisturbed, resumed = logs
+    assert not np.isnan(resumed).any()
+    assert resumed[:21].tobytes() == undisturbed[:21].tobytes()
+    assert lived.put_back == [20]
+    assert Told(tmp_path / "broken").resumed == [20]
+
+
+@pytest.mark.parametrize(("put_back", "whole"), [(8, True), (9, False), (13, False), (14, True)])
+def test_a_way_on_which_it_was_carried_back_is_no_path(put_back: int, whole: bool) -> None:
+    """It performs from state 9 to state 14."""
+    life: Any = SimpleNamespace(perform_start=10, perform_steps=5)
+    log = {f"truth/{STUDENT}/base": np.zeros((20, 7)), "time/put_back": np.array([put_back])}
+    assert np.isfinite(_perform_arrays(life, log)["perform/path"]).all() == whole
+
+
+def test_who_knows_no_truth_keeps_none(here: Scenario, tmp_path: Path) -> None:
+    stage = Failing(here, None)
+    stage.truth = None  # type: ignore[assignment]
     with Diary(tmp_path / "journal") as diary:
         lived = diary.lived(here, stage)
         witness = Witness(here, lived, lived)
-        lived.reset(np.random.SeedSequence(0))
-        assert lived.state(STUDENT) is None
-        witness.note()
+        episode(here, lived, witness)
         assert np.isnan(witness.log()["truth/student/base"]).all()
     stage.close()
+    assert Told(tmp_path / "journal").places == {}
+
+
+def test_a_hole_is_told_up_to_and_lived_anew_from_before_it(here: Scenario, tmp_path: Path) -> None:
+    undisturbed = lead(here, tmp_path / "journal")
+    contents = bytearray((tmp_path / "journal").read_bytes())
+    place = contents.index(b'{"number": 27')
+    contents[place + 4 : place + 20] = b"x" * 16
+    (tmp_path / "journal").write_bytes(contents)
+    spoilt = Told(tmp_path / "journal")
+    assert (len(spoilt.steps), spoilt.finished) == (27, False)
+    assert spoilt.lost > 100
+    senses = lead(here, tmp_path / "journal")
+    assert senses[:21] == undisturbed[:21]
+    again = Told(tmp_path / "journal")
+    assert again.finished
+    assert [step.number for step in again.steps] == list(range(STEPS + 1))
+    assert lead(here, tmp_path / "journal") == senses
 
 
 def changed(step: Step, **changes: Any) -> Step:

@@ -3,14 +3,14 @@
 from itertools import pairwise
 
 import pytest
-from board_talk import UNIQUE, Talk
+from board_talk import UNIQUE, Talk, armed_with_limits, talking
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from simavr_needed import simavr_or_skip
 
 from testbed.errors import UserError
 from testbed.hardware.emulation.microcontroller import Microcontroller
-from testbed.hardware.protocol import Flags, Identity, Request, Result
+from testbed.hardware.line.protocol import Flags, Identity, Request, Result
 
 simavr_or_skip()
 
@@ -21,16 +21,13 @@ WORD = st.integers(0, 65535)
 
 @pytest.fixture
 def talk():
-    talk = Talk()
-    yield talk
-    talk.board.close()
+    with talking() as talk:
+        yield talk
 
 
 @pytest.fixture
 def armed(talk):
-    assert talk.configure(1000, 5000, 1000, 5000, 200).result == Result.OK
-    assert talk.arm().result == Result.OK
-    return talk
+    return armed_with_limits(talk)
 
 
 def keep_setting(talk, seconds, *half_us):

@@ -6,7 +6,7 @@ from board_talk import Talk
 from simavr_needed import simavr_or_skip
 
 from testbed.hardware.emulation.microcontroller import SENSOR_NOISE
-from testbed.hardware.protocol import NO_IMU_AGE, Flags
+from testbed.hardware.line.protocol import NO_IMU_AGE, Flags
 
 simavr_or_skip()
 

@@ -4,26 +4,23 @@ import random
 import struct
 
 import pytest
-from board_talk import REPLY_WAIT, Talk
+from board_talk import REPLY_WAIT, Talk, armed_with_limits, talking
 from simavr_needed import simavr_or_skip
 
-from testbed.hardware.protocol import Flags, Identity, Request, Result, encode
+from testbed.hardware.line.protocol import Flags, Identity, Request, Result, encode
 
 simavr_or_skip()
 
 
 @pytest.fixture
 def talk():
-    talk = Talk()
-    yield talk
-    talk.board.close()
+    with talking() as talk:
+        yield talk
 
 
 @pytest.fixture
 def armed(talk):
-    assert talk.configure(1000, 5000, 1000, 5000, 200).result == Result.OK
-    assert talk.arm().result == Result.OK
-    return talk
+    return armed_with_limits(talk)
 
 
 def test_what_is_wrong_with_a_request_is_said(talk):

@@ -3,10 +3,10 @@
 import struct
 
 import pytest
-from board_talk import Talk
+from board_talk import armed_with_limits, talking
 from simavr_needed import simavr_or_skip
 
-from testbed.hardware.protocol import Flags, Request, Result, encode
+from testbed.hardware.line.protocol import Flags, Request, Result, encode
 
 simavr_or_skip()
 
@@ -16,16 +16,13 @@ POWER_ON, RESET_PIN, BROWN_OUT, WATCHDOG_RESET = 1, 2, 4, 8
 
 @pytest.fixture
 def talk():
-    talk = Talk()
-    yield talk
-    talk.board.close()
+    with talking() as talk:
+        yield talk
 
 
 @pytest.fixture
 def armed(talk):
-    assert talk.configure(1000, 5000, 1000, 5000, 200).result == Result.OK
-    assert talk.arm().result == Result.OK
-    return talk
+    return armed_with_limits(talk)
 
 
 def test_silence_holds_and_then_lets_go(talk):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from testbed.experiment.runner import live_on, run
 from testbed.experiment.stage import simulated
 from testbed.hardware.frames_in_words import contents, in_words, told
 from testbed.hardware.journal import Journal
-from testbed.hardware.protocol import Flags, Identity, Request, State, encode, words
+from testbed.hardware.line.protocol import Flags, Identity, Request, State, encode, words
 from testbed.scenario import Scenario
 
 JOB = Job("default", 0)
@@ -74,8 +75,6 @@ def test_a_verdict_that_was_altered_is_told(lived: Path, say: Any, monkeypatch: 
 
 
 def test_a_journal_that_broke_off_says_so(lived: Path, say: Any, tmp_path: Path) -> None:
-    import shutil
-
     broken = tmp_path / "broken"
     shutil.copytree(lived, broken)
     journal = journal_below(broken, JOB)
@@ -85,8 +84,25 @@ def test_a_journal_that_broke_off_says_so(lived: Path, say: Any, tmp_path: Path)
             path.unlink()
     status, out, _ = say("replay", str(broken), "0")
     assert status == 0
-    assert "ends before the student had decided" in out
+    assert "ends before the student had decided; run the scenario again" in out
     assert contents(journal).steps > 10
+
+
+def test_a_journal_with_a_hole_is_told_up_to_it(lived: Path, say: Any, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(lived, broken)
+    journal = journal_below(broken, JOB)
+    whole = journal.read_bytes()
+    hole = whole.index(b'{"number": 30,')
+    journal.write_bytes(whole[:hole] + b"?" * 50 + whole[hole + 50 :])
+    status, out, _ = say("replay", str(broken), "0")
+    assert status == 0
+    assert " bytes are damaged: what came after step 29 is lost" in out
+    assert "ends before the student had decided; what it said then is recorded" in out
+    # Where it is no step that is damaged, nothing is lost of what the student met.
+    hole = whole.index(b'P{"at"')
+    journal.write_bytes(whole[:hole] + b"?" + whole[hole + 1 :])
+    assert " bytes are damaged: no step is lost" in "\n".join(contents(journal).lines())
 
 
 def test_a_run_without_a_journal_is_one_line(lived: Path, say: Any) -> None:

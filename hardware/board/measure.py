@@ -17,19 +17,19 @@ from collections.abc import Callable
 import numpy as np
 
 from testbed.frames import rotation_about
-from testbed.hardware.charuco import CharucoSpec
+from testbed.hardware.calibration.charuco import CharucoSpec
+from testbed.hardware.calibration.rig import RigCalibration
+from testbed.hardware.calibration.rig_fit import EPIPOLAR_LIMIT
+from testbed.hardware.calibration.rig_procedure import BoardWatcher, calibrate_stereo
 from testbed.hardware.emulation.cameras import emulated_pair
 from testbed.hardware.emulation.lens import RigTruth, built_rig
 from testbed.hardware.emulation.poses import held, held_as_asked
 from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.emulation.truth import true_calibration
 from testbed.hardware.prompt import Question, nothing
-from testbed.hardware.rig_calibration import RigCalibration
-from testbed.hardware.rig_fit import EPIPOLAR_LIMIT
-from testbed.hardware.rig_procedure import BoardWatcher, calibrate_stereo
 
 TARGET_BASELINE = 0.1e-3
-"""m, the client's."""
+"""m; what a calibration is to reach."""
 
 
 class StillClock:

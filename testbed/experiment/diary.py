@@ -13,7 +13,7 @@ from testbed.errors import UserError, shown_path
 from testbed.experiment.lived import Lived, resting_place
 from testbed.experiment.stage import Stage
 from testbed.hardware.failures import HardwareFailure
-from testbed.hardware.journal import Journal, Note, Step, read_journal, steps_of
+from testbed.hardware.journal import Journal, Lost, Note, Places, read_journal, whole_steps
 from testbed.morphology import Vector
 from testbed.scenario import Scenario
 from testbed.world.bullet import bodies_of
@@ -26,19 +26,29 @@ class Told:
     """What a journal holds of a trial.
 
     Attributes:
-        steps: As they count.
+        steps: As they count: all up to the first that is lost.
         notes: How often it broke off and why, where it went on, whether it was finished.
+        lost: How many bytes of it are damaged.
+        places: By step, where everybody really was, as far as somebody knew.
+        resumed: The steps after which everybody was put in place again.
     """
 
     def __init__(self, path: Path) -> None:
         records = read_journal(path)
-        self.steps: list[Step] = steps_of(records)
+        self.steps, self._whole = whole_steps(records)
         self.notes = [record for record in records if isinstance(record, Note)]
+        self.lost = sum(record.count for record in records if isinstance(record, Lost))
+        self.places = {record.number: record for record in records if isinstance(record, Places)}
+        self.resumed: list[int] = []
+        for note in self.notes:
+            if note.kind == RESUMED:
+                at = int(note.text.rpartition(" ")[2])
+                self.resumed = [before for before in self.resumed if before < at] + [at]
 
     @property
     def finished(self) -> bool:
-        """Whether the student had lived its life."""
-        return any(note.kind == FINISHED for note in self.notes)
+        """Whether the student had lived its life, and none of it is lost."""
+        return self._whole and any(note.kind == FINISHED for note in self.notes)
 
 
 class Diary:
@@ -52,16 +62,17 @@ class Diary:
     """
 
     def __init__(self, path: Path) -> None:
-        told = Told(path) if path.exists() else None
-        self._told = told.steps if told is not None else []
-        self._finished = told is not None and told.finished
+        self._told = Told(path) if path.exists() else None
+        self._finished = self._told is not None and self._told.finished
         self._stage: Stage | None = None
         self.journal = Journal(path)
 
     def lived(self, scenario: Scenario, stage: Stage) -> Lived:
         """The world as the student meets it: what was lived before, then the stage's."""
-        self._stage, robots = stage, bodies_of(scenario)
-        steps = self._told if self._finished else self._told[: resting_place(self._told, robots)]
+        self._stage, robots, told = stage, bodies_of(scenario), self._told
+        steps = told.steps if told is not None else []
+        if not self._finished:
+            steps = steps[: resting_place(steps, robots)]
         return Lived(
             robots,
             steps,
@@ -70,6 +81,9 @@ class Diary:
             control_step=scenario.world.control_step,
             now=stage.now,
             write=self.journal.step,
+            known=told.places if told is not None else {},
+            know=self.journal.places,
+            put_back=told.resumed if told is not None else (),
             resumed=lambda number: self._note(RESUMED, f"from step {number}"),
             broke_off=self._broke_off,
             name=shown_path(self.journal.path),

@@ -8,13 +8,14 @@ with the live world from there. So nothing of what a robot has done is lost, and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbed.errors import UserError
 from testbed.experiment.stage import Truth
-from testbed.hardware.journal import Step
+from testbed.hardware.journal import Places, Step
 from testbed.morphology import Morphology, Vector
 from testbed.world.backend import Backend, Pair
 from testbed.world.placement import STUDENT
@@ -30,12 +31,18 @@ class EndOfRecordError(Exception):
 class Lived:
     """A :class:`~testbed.world.backend.Backend` that tells again what was lived before, and then goes on living.
 
+    Attributes:
+        put_back: The steps after which everybody was put in place again.
+
     Args:
         robots: The bodies by agent name.
         told: The steps that were lived before.
         live: The world to go on with; None to stop where the record ends.
         truth: Who knows how everybody really is in the live world.
         write: Told every new step.
+        known: By step, where everybody really was when it was lived before.
+        know: Told where everybody really is after every new step, if somebody knows.
+        put_back: The told steps after which everybody had been put in place again.
         resumed: Told from which step on the live world takes over, before it does.
         broke_off: Told which step could not be finished, and what was commanded in it.
         control_step: In s.
@@ -53,12 +60,16 @@ class Lived:
         control_step: float,
         now: Callable[[], float] | None = None,
         write: Callable[[Step], None] = lambda step: None,
+        known: Mapping[int, Places] = MappingProxyType({}),
+        know: Callable[[Places], None] = lambda places: None,
+        put_back: Sequence[int] = (),
         resumed: Callable[[int], None] = lambda number: None,
         broke_off: Callable[[int, Mapping[str, Vector], float], None] = lambda number, commands, pan: None,
         name: str = "the record",
     ) -> None:
         self._robots, self._told, self._live, self._name = robots, tuple(told), live, name
-        self._truth = truth
+        self._truth, self._known, self._know = truth, known, know
+        self.put_back = [step for step in put_back if step < len(told) - 1]
         self._write, self._resumed, self._broke_off = write, resumed, broke_off
         self._control_step, self._clock = control_step, now
         self._posture_steps = round(_POSTURE_TIME / control_step)
@@ -128,8 +139,13 @@ class Lived:
         return self._pair
 
     def state(self, robot: str) -> tuple[Vector, Vector] | None:
-        """See :class:`Truth`; unknown of what is told again."""
-        return None if self._truth is None or self._reliving else self._truth.state(robot)
+        """See :class:`Truth`; of what is told again it is as known as it was then."""
+        if self._truth is None:
+            return None
+        if self._reliving:
+            then = self._known.get(self._now.number)
+            return then.states.get(robot) if then is not None else None
+        return self._truth.state(robot)
 
     def picture(self, width: int, height: int) -> NDArray[np.uint8]:
         """See :class:`Backend`."""
@@ -149,6 +165,7 @@ class Lived:
         """Everybody is put in place again and takes the posture of the last step that is told."""
         live, last = self._living(), self._now
         self._resumed(last.number)
+        self.put_back.append(last.number)
         self._reliving = False
         live.reset(self._seeds)
         self._ahead = last.number  # of the live world, which counts its steps from its own reset
@@ -180,6 +197,9 @@ class Lived:
             )
         )
         self._write(self._now)
+        states = {name: state for name in self._robots if (state := self.state(name)) is not None}
+        if states:
+            self._know(Places(self._now.at, number, states))
 
     def _compare(self, then: Step, commands: Mapping[str, Vector], pan: float) -> None:
         for name, targets in then.commands.items():

@@ -45,7 +45,9 @@ def performance_row(arrays: Arrays, name: str, log: Arrays, bodies: Mapping[str,
     performed, watched = steps * step, float(looks[-1] - looks[0]) * step
     size = _size(bodies[name]) / _size(bodies[STUDENT])
     ratio = None
-    if math.isnan(student + teacher):  # nobody knows the truth
+    if (
+        math.isnan(student + teacher) or np.isnan(path).any()
+    ):  # nobody knows the truth, or it was carried back
         return {**dict.fromkeys(COLUMNS), "performed_seconds": performed, "watched_seconds": watched}
     if abs(teacher) > _STOOD_STILL and performed > 0 and watched > 0:
         ratio = (student / performed) / (teacher / size / watched)

@@ -247,6 +247,8 @@ def _paths(job: Job, ours: Arrays, theirs: Arrays, twin: Twin) -> list[Paths]:
         return []
     if not (int(ours["perform/steps"]) and int(theirs["perform/steps"])):
         return []
+    if "time/put_back" in theirs and "perform/path" not in theirs:  # carried back to its place in between
+        return []
     return [
         Paths(
             job.trial,

@@ -65,14 +65,16 @@ def run_trial(
         diary = stack.enter_context(Diary(journal)) if journal is not None else None
         opened = stack.enter_context(contextlib.closing(stage(here, diary.journal if diary else None)))
         backend, truth = opened.backend, opened.truth
-        if diary is not None:
-            truth = backend = diary.lived(here, opened)
+        lived = diary.lived(here, opened) if diary is not None else None
+        if lived is not None:
+            truth = backend = lived
         world = World(here, backend=backend)
         witness = Witness(here, backend, truth)
         student = student_of(here, student_seeds, progress, witness.insider())
         log = live(world, backend, student, world_seed, witness, think=opened.think)
-        if diary is not None:
+        if diary is not None and lived is not None:
             diary.finish()
+            log |= {"time/put_back": np.array(lived.put_back)} if lived.put_back else {}
     assert student.life is not None
     bodies = {**backend.robots, STUDENT: here.student.true_body()}
     return report_trial(here, trial, cell, bodies, student.life, log)

@@ -31,6 +31,8 @@ Arrays (T is a teacher such as ``teacher_0``; k parts, F frames, P passes, I ite
 ``truth/student/actions``      (t-1, n+1)      what the student did: joint targets and the pan, rad
 ``time/control_step``          ()              s
 ``time/exposed``               (t,)            index of the state that the newest stereo pair shows
+``time/put_back``              (k,)            only of a trial that was resumed: the states after which everybody was
+                                               carried back to their places
 =============================  ==============  ==================================================================
 
 A mind that models by the paper's ``eea`` adds
@@ -63,7 +65,8 @@ one that models a whole motion
 =============================  ==============  ==================================================================
 
 On a real bench, where nobody knows the truth, ``base``, ``joints``, ``truth_parts`` and ``path`` are missing and errors
-that would be measured by it are NaN, None in rows.
+that would be measured by it are NaN, None in rows. ``path`` is missing, too, where the trial was broken off while the
+student imitated: in between it was carried back.
 
 Of minds beside the leader the same arrays are under ``beside/<name>/``.
 """
@@ -164,14 +167,16 @@ def report_trial(
                     row["chosen"] = True
                     row |= performance_row(arrays, name, log, bodies)
             rows.append(row)
-    return TrialResult(
-        tuple(rows), _known(arrays) if np.isnan(log[f"truth/{STUDENT}/base"]).any() else arrays
-    )
+    return TrialResult(tuple(rows), _known(arrays))
 
 
 def _known(arrays: Arrays) -> Arrays:
-    """What is left where nobody knows the truth, as on a real bench."""
-    untold = ("/base", "/joints", "/truth_parts", "perform/path")
+    """What is left where nobody knows the truth, as on a real bench, or there is no one path."""
+    untold: tuple[str, ...] = ()
+    if np.isnan(arrays[f"truth/{STUDENT}/base"]).any():
+        untold = ("/base", "/joints", "/truth_parts", "perform/path")
+    elif np.isnan(arrays["perform/path"]).any():
+        untold = ("perform/path",)
     return {name: array for name, array in arrays.items() if not name.endswith(untold)}
 
 
@@ -222,6 +227,8 @@ def _staging(scenario: Scenario, index: int) -> Row:
 def _perform_arrays(life: Life, log: Arrays) -> Arrays:
     start, steps = life.perform_start, life.perform_steps
     path = log[f"truth/{STUDENT}/base"][start - 1 : start + steps, :3] if steps else np.empty((0, 3))
+    if any(start <= step + 1 < start + steps for step in log.get("time/put_back", ())):
+        path = np.full_like(path, math.nan)  # it did not go this way: in between it was carried back
     return {
         "perform/start_step": np.array(start),
         "perform/steps": np.array(steps),

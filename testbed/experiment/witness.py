@@ -53,7 +53,7 @@ class Witness:
     def log(self) -> Arrays:
         """The truth about everybody at the start and after each step; see :mod:`testbed.experiment.trial_report`.
 
-        Where it is not known all through, on a real bench or in a trial that was resumed, it is NaN all through.
+        Where it is not known all through, as on a real bench, it is NaN all through.
         """
         log: Arrays = {
             "time/control_step": np.array(self._scenario.world.control_step),

@@ -20,7 +20,7 @@ from testbed.errors import UserError
 from testbed.hardware.clock import Clock
 from testbed.hardware.failures import HardwareFailure
 from testbed.hardware.prompt import Prompt, Question
-from testbed.hardware.robot import Robot, RobotState
+from testbed.hardware.robots.robot import Robot, RobotState
 from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
 from testbed.world.backend import Pair

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbed.errors import shown_path
-from testbed.hardware.journal import Note, Step, Wire, read_journal, steps_of
-from testbed.hardware.protocol import REPLY, Flags, Frame, Identity, Parser, Request, Result, State
+from testbed.hardware.journal import Lost, Note, Step, Wire, read_journal, whole_steps
+from testbed.hardware.line.protocol import REPLY, Flags, Frame, Identity, Parser, Request, Result, State
 
 _HALF_US = 2
 
@@ -48,6 +48,8 @@ class Contents(NamedTuple):
         pairs: New pairs of images.
         seconds: From its first to its last record, on the bench's clock.
         notes: Where it broke off and went on, in words.
+        lost: Bytes that are damaged.
+        whole: Whether the steps are all that there were.
     """
 
     journal: str
@@ -56,6 +58,8 @@ class Contents(NamedTuple):
     pairs: int
     seconds: float
     notes: list[str]
+    lost: int = 0
+    whole: bool = True
 
     def lines(self) -> list[str]:
         """In sentences."""
@@ -64,6 +68,9 @@ class Contents(NamedTuple):
             f"{self.journal}: {self.steps} steps, {self.pairs} pairs of images, {self.seconds:.1f} s",
             f"frames: {wires or 'none'}",
         ]
+        if self.lost:
+            steps = "no step" if self.whole else f"what came after step {self.steps - 1}"
+            told.append(f"{self.lost} bytes are damaged: {steps} is lost")
         return told + self.notes
 
 
@@ -78,7 +85,7 @@ def contents(path: Path) -> Contents:
     for record in records:
         if isinstance(record, Wire):
             frames[record.board] = frames.get(record.board, 0) + 1
-    steps = steps_of(records)
+    steps, whole = whole_steps(records)
     times = [record.at for record in records]
     return Contents(
         shown_path(path),
@@ -87,6 +94,8 @@ def contents(path: Path) -> Contents:
         sum(step.images is not None for step in steps),
         max(times) - min(times) if times else 0.0,
         [_noted(record) for record in records if isinstance(record, Note)],
+        sum(record.count for record in records if isinstance(record, Lost)),
+        whole,
     )
 
 
@@ -102,6 +111,8 @@ def told(path: Path) -> Iterator[Line]:
             yield Line(record.at, record.board, record.direction, words, record.data.hex())
         elif isinstance(record, Note):
             yield Line(record.at, "", "", _noted(record), "")
+        elif isinstance(record, Lost):
+            yield Line(record.at, "", "", f"{record.count} bytes are damaged", "")
         elif isinstance(record, Step):
             yield Line(record.at, "", "", f"step {record.number}", "")
 

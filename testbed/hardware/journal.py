@@ -1,94 +1,44 @@
 """What happened in a trial, written down while it happens: every frame and every step.
 
 A file that only grows: records of a length, a CRC-32 and a payload. What a killed process or a power cut leaves
-half-written at the end is dropped; everything before it stays. Floating-point numbers are kept to the bit.
+half-written at the end is dropped; everything before it stays. Damage in the middle is said to be there.
 """
 
 from __future__ import annotations
 
 import binascii
 import contextlib
-import json
 import os
+import re
 import struct
 import time
-import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import write_refused
-from testbed.parts import Vector
+from testbed.hardware.journal_records import KINDS, Lost, Note, Places, Record, Step, Wire, decoded, encoded
+
+__all__ = [
+    "Journal",
+    "Lost",
+    "Note",
+    "Places",
+    "Record",
+    "Step",
+    "Wire",
+    "read_journal",
+    "steps_of",
+    "whole_steps",
+]
 
 MAGIC = b"bench journal 1\n"
 _HEAD = struct.Struct("<LL")
-_WIRE = struct.Struct("<dBB")
+_LIKELY = re.compile(rb"(?=...[\0\1].{4}[" + KINDS + b"])", re.DOTALL)  # a length, a CRC, a kind
 _LARGEST = 1 << 24  # a step with images has 15 kB
 _FLUSHED_EACH = 1.0  # s
 _BUFFERED = 1 << 16
-_DIRECTIONS = ("sent", "received")
-
-
-@dataclass(frozen=True)
-class Wire:
-    """A frame, or what was none, on a board's line.
-
-    Attributes:
-        at: When, s on the bench's clock.
-        board: Whose line.
-        direction: ``sent`` or ``received``, as the host sees it.
-        data: The bytes with their delimiters.
-    """
-
-    at: float
-    board: str
-    direction: str
-    data: bytes
-
-
-@dataclass(frozen=True)
-class Step:
-    """A control step.
-
-    Attributes:
-        number: Counted from the trial's beginning; 0 is what was found there, before any command.
-        at: When it was over, s on the bench's clock.
-        commands: Per agent what its joints were told, rad.
-        pan_command: What the rig was told, rad.
-        pan: Where the rig looks after it, rad.
-        tilts: Per agent (2,) rad.
-        movement: Of the student, rad/s.
-        exposed: The step in which the images that are seen now were exposed.
-        images: (2, 75, 100) uint8 if they are new in this step.
-    """
-
-    number: int
-    at: float
-    commands: Mapping[str, Vector]
-    pan_command: float
-    pan: float
-    tilts: Mapping[str, Vector]
-    movement: float
-    exposed: int
-    images: NDArray[np.uint8] | None = None
-
-
-@dataclass(frozen=True)
-class Note:
-    """Anything else that is worth knowing, in words: of which kind, and when."""
-
-    at: float
-    kind: str
-    text: str
-
-
-Record = Wire | Step | Note
 
 
 class Journal:
@@ -120,35 +70,20 @@ class Journal:
             self._buffer += MAGIC
 
     def wire(self, at: float, board: str, direction: str, data: bytes) -> None:
-        """Write down a frame; a :data:`~testbed.hardware.link.Listener`."""
-        name = board.encode()
-        head = _WIRE.pack(at, _DIRECTIONS.index(direction), len(name))
-        self._append(b"W" + head + name + data)
+        """Write down a frame; a :data:`~testbed.hardware.line.link.Listener`."""
+        self._append(encoded(Wire(at, board, direction, data)))
 
     def step(self, step: Step) -> None:
         """Write down a step."""
-        commands = {name: np.asarray(angles).tolist() for name, angles in step.commands.items()}
-        tilts = {name: np.asarray(tilt).tolist() for name, tilt in step.tilts.items()}
-        plain = {
-            "number": int(step.number),
-            "at": float(step.at),
-            "commands": commands,
-            "pan_command": float(step.pan_command),
-            "pan": float(step.pan),
-            "tilts": tilts,
-            "movement": float(step.movement),
-            "exposed": int(step.exposed),
-        }
-        images = b""
-        if step.images is not None:
-            plain["images"] = step.images.shape
-            images = zlib.compress(np.ascontiguousarray(step.images, dtype=np.uint8).tobytes(), 1)
-        head = json.dumps(plain).encode()
-        self._append(b"S" + struct.pack("<L", len(head)) + head + images)
+        self._append(encoded(step))
+
+    def places(self, places: Places) -> None:
+        """Write down where everybody really is."""
+        self._append(encoded(places))
 
     def note(self, at: float, kind: str, text: str) -> None:
         """Write down something in words."""
-        self._append(b"N" + json.dumps({"at": float(at), "kind": kind, "text": text}).encode())
+        self._append(encoded(Note(at, kind, text)))
 
     def flush(self) -> None:
         """Hand everything to the operating system, which keeps it even if this process is killed."""
@@ -197,26 +132,42 @@ class Journal:
 def read_journal(path: Path) -> list[Record]:
     """Everything that was written down, in its order; a torn end is left out.
 
+    Where the file is damaged in the middle, a :class:`Lost` stands for what cannot be read.
+
     Raises:
         UserError: If there is no such file or it is no journal.
     """
-    return [_record(payload) for payload in _payloads(_contents(path), path)[0]]
+    records: list[Record] = []
+    for piece in _pieces(_contents(path), path)[0]:
+        at = records[-1].at if records else 0.0
+        records.append(decoded(piece) if isinstance(piece, bytes) else Lost(at, piece))
+    return records
 
 
 def steps_of(records: list[Record]) -> list[Step]:
-    """The steps as they count: one that was made again, by a trial that went back a little, replaces the older."""
+    """The steps as they count: all up to the first that is lost.
+
+    One that was made again, by a trial that went back a little, replaces the older.
+    """
+    return whole_steps(records)[0]
+
+
+def whole_steps(records: list[Record]) -> tuple[list[Step], bool]:
+    """The same, and whether these are all that there were."""
     steps: list[Step] = []
+    all_there = True
     for record in records:
         if isinstance(record, Step):
             while steps and steps[-1].number >= record.number:
                 steps.pop()
-            steps.append(record)
-    return steps
+            if all_there := record.number == len(steps):
+                steps.append(record)
+    return steps, all_there
 
 
 def _whole(path: Path) -> int:
-    """How many bytes of a file are whole records; 0 if there is no file yet."""
-    return _payloads(_contents(path), path)[1] if path.exists() else 0
+    """Where the last whole record of a file ends; 0 if there is no file yet."""
+    return _pieces(_contents(path), path)[1] if path.exists() else 0
 
 
 def _contents(path: Path) -> bytes:
@@ -227,35 +178,38 @@ def _contents(path: Path) -> bytes:
         raise UserError(f"the journal cannot be read ({reason})", "check the name", file=path) from None
 
 
-def _payloads(contents: bytes, path: Path) -> tuple[list[bytes], int]:
+def _pieces(contents: bytes, path: Path) -> tuple[list[bytes | int], int]:
+    """The payloads, between them how many bytes are damaged there; and where the last of them ends."""
     if not contents.startswith(MAGIC):
         if MAGIC.startswith(contents):  # killed before its first flush was whole
             return [], 0
         raise UserError("this is no journal, or one of another version", "name another file", file=path)
-    payloads, at = [], len(MAGIC)
-    while at + _HEAD.size <= len(contents):
-        size, crc = _HEAD.unpack_from(contents, at)
-        payload = contents[at + _HEAD.size : at + _HEAD.size + size]
-        # A power cut can leave zeros where data should be: a record is never empty.
-        if not 0 < size <= _LARGEST or len(payload) < size or binascii.crc32(payload) != crc:
-            break
-        payloads.append(payload)
-        at += _HEAD.size + size
-    return payloads, at
+    pieces: list[bytes | int] = []
+    end = len(MAGIC)
+    while True:
+        if (payload := _payload(contents, end)) is not None:
+            pieces.append(payload)
+            end += _HEAD.size + len(payload)
+        elif (found := _next(contents, end)) is not None:
+            pieces.append(found - end)
+            end = found
+        else:
+            return pieces, end
 
 
-def _record(payload: bytes) -> Record:
-    kind, rest = payload[:1], payload[1:]
-    if kind == b"W":
-        at, direction, length = _WIRE.unpack_from(rest)
-        name, data = rest[_WIRE.size : _WIRE.size + length], rest[_WIRE.size + length :]
-        return Wire(at, name.decode(), _DIRECTIONS[direction], data)
-    if kind == b"N":
-        return Note(**json.loads(rest))
-    (length,) = struct.unpack_from("<L", rest)
-    plain = json.loads(rest[4 : 4 + length])
-    for key in ("commands", "tilts"):
-        plain[key] = {name: np.array(values, dtype=float) for name, values in plain[key].items()}
-    if (shape := plain.pop("images", None)) is not None:
-        plain["images"] = np.frombuffer(zlib.decompress(rest[4 + length :]), np.uint8).reshape(shape)
-    return Step(**plain)
+def _payload(contents: bytes, at: int) -> bytes | None:
+    """What the record at this byte holds; None if there is no whole one."""
+    if at + _HEAD.size > len(contents):
+        return None
+    size, crc = _HEAD.unpack_from(contents, at)
+    # A power cut can leave zeros where data should be: a record is never empty.
+    if not 0 < size <= min(_LARGEST, len(contents) - at - _HEAD.size):
+        return None
+    payload = contents[at + _HEAD.size : at + _HEAD.size + size]
+    return payload if binascii.crc32(payload) == crc else None
+
+
+def _next(contents: bytes, after: int) -> int | None:
+    """Where the next whole record begins behind damage."""
+    places = (found.start() for found in _LIKELY.finditer(contents, after + 1))
+    return next((place for place in places if _payload(contents, place) is not None), None)

@@ -17,11 +17,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.hardware.cameras import KEPT, Frame, Image
 from testbed.hardware.clock import Clock
 from testbed.hardware.emulation.lens import SIZE, Lens, Mount, RigTruth, Sensor
 from testbed.hardware.emulation.scenes import Scene, Shot
 from testbed.hardware.failures import CameraMissing
+from testbed.hardware.rig.cameras import KEPT, Frame, Image
 from testbed.vision.noise import QuickNoise
 
 RATE = 30.0
@@ -55,7 +55,7 @@ class CameraFaults:
 
 
 class EmulatedCamera:
-    """A :class:`~testbed.hardware.cameras.Camera` of an emulated bench.
+    """A :class:`~testbed.hardware.rig.cameras.Camera` of an emulated bench.
 
     Args:
         id: Its name.
@@ -92,7 +92,7 @@ class EmulatedCamera:
 
     @property
     def id(self) -> str:
-        """See :class:`~testbed.hardware.cameras.Camera`."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`."""
         return self._id
 
     @property
@@ -123,27 +123,27 @@ class EmulatedCamera:
         self._frames.append(Frame(take, at, count))
 
     def newest(self) -> Frame | None:
-        """See :class:`~testbed.hardware.cameras.Camera`."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`."""
         frames = self.recent()
         return frames[-1] if frames else None
 
     def recent(self) -> Sequence[Frame]:
-        """See :class:`~testbed.hardware.cameras.Camera`."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`."""
         if self.faults.gone:
             raise CameraMissing(f"camera {self._id} gives no more frames: it was unplugged")
         self.expose()
         return tuple(self._frames)
 
     def settings(self) -> Mapping[str, float]:
-        """See :class:`~testbed.hardware.cameras.Camera`."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`."""
         return {"exposure": self.sensor.exposure * self.faults.gain, "automatic exposure": 1.0}
 
     def lock(self) -> Sequence[str]:
-        """See :class:`~testbed.hardware.cameras.Camera`; nothing of it is automatic."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`; nothing of it is automatic."""
         return ()
 
     def close(self) -> None:
-        """See :class:`~testbed.hardware.cameras.Camera`."""
+        """See :class:`~testbed.hardware.rig.cameras.Camera`."""
 
     def _developed(self, shot: Shot, mount: Mount, light: float, number: int) -> Image:
         return developed(

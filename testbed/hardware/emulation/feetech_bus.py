@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
-from testbed.hardware.feetech_line import BROADCAST, Instruction, Register, packet, split
+from testbed.hardware.line.bus import BROADCAST, Instruction, Register, packet, split
 
 MODEL = 777
 _TABLE = 71

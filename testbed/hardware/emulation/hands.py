@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from testbed.errors import UserError
 from testbed.hardware.bench_file import RIG
-from testbed.hardware.charuco import CharucoSpec
+from testbed.hardware.calibration.charuco import CharucoSpec
+from testbed.hardware.calibration.tilt import ORIENTATIONS
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.poses import held, held_about
 from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.prompt import Question, nothing
-from testbed.hardware.tilt_calibration import ORIENTATIONS
 from testbed.morphology import Vector
 
 _TAKES = 0.6

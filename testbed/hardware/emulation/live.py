@@ -19,14 +19,14 @@ from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import refused_writes_explained
 from testbed.hardware.bench_file import RIG, BenchSpec, BoardSpec, CamerasSpec, save_bench
 from testbed.hardware.bench_time import Shown
-from testbed.hardware.charuco import CharucoSpec
+from testbed.hardware.calibration.charuco import CharucoSpec
 from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.hands import Hands
 from testbed.hardware.emulation.poses import held
 from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.emulation.streams import Streams
 from testbed.hardware.emulation.turns import Turns
-from testbed.hardware.hands import HandsServer
+from testbed.hardware.operating.hands import HandsServer
 from testbed.hardware.prompt import Prompt, Question, nothing
 from testbed.scenario import Scenario, check, drawn, load_scenario
 

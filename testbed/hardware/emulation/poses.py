@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from testbed.frames import rotation_about
-from testbed.hardware.charuco import CharucoSpec
+from testbed.hardware.calibration.charuco import CharucoSpec
 from testbed.hardware.emulation.lens import SIZE, Lens
 from testbed.morphology import Vector
 
@@ -56,7 +56,8 @@ def held_as_asked(spec: CharucoSpec, details: Mapping[str, float | str], rng: np
 
     Args:
         spec: The board's size.
-        details: Of :class:`~testbed.hardware.coverage.Wish`; an upright board is set down with a set square.
+        details: Of :class:`~testbed.hardware.calibration.coverage.Wish`; an upright board is set down with a set
+            square.
         rng: The hands' imprecision.
     """
     wanted = {key: float(value) for key, value in details.items() if not isinstance(value, str)}

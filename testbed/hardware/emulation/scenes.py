@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.hardware.charuco import TEXELS, CharucoSpec
+from testbed.hardware.calibration.charuco import TEXELS, CharucoSpec
 from testbed.hardware.emulation.lens import SIZE, Lens, Mount
 from testbed.morphology import Vector
 from testbed.physics import Simulation

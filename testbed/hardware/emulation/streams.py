@@ -9,7 +9,7 @@ from typing import Any
 
 import cv2
 
-from testbed.hardware.cameras import Image
+from testbed.hardware.rig.cameras import Image
 
 _BOUNDARY = "frame"
 _QUALITY = 95  # of JPEG; less would add more to the picture than the sensor's noise does

@@ -7,14 +7,14 @@ import datetime
 import cv2
 import numpy as np
 
-from testbed.hardware.backdrop import Backdrop
-from testbed.hardware.board_check import down_of
-from testbed.hardware.charuco import CharucoSpec
+from testbed.hardware.calibration.board_check import down_of
+from testbed.hardware.calibration.charuco import CharucoSpec
+from testbed.hardware.calibration.rig import LensCalibration, RigCalibration
+from testbed.hardware.calibration.rig_fit import Geometry
 from testbed.hardware.emulation.cameras import developed
 from testbed.hardware.emulation.lens import SIZE, Lens, RigTruth, Sensor
-from testbed.hardware.rectification import Rectification
-from testbed.hardware.rig_calibration import LensCalibration, RigCalibration
-from testbed.hardware.rig_fit import Geometry
+from testbed.hardware.rig.backdrop import Backdrop
+from testbed.hardware.rig.rectification import Rectification
 from testbed.vision.camera import StereoRig
 
 

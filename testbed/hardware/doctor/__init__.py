@@ -1,0 +1,1 @@
+"""Checks of a bench, each with its mend; nothing moves."""

@@ -1,0 +1,1 @@
+"""Bytes on wires: the protocol, its link with retries, ports, and the servos' bus."""

@@ -1,0 +1,1 @@
+"""What the commands do: find, set up, calibrate and drive a bench."""
