@@ -7,6 +7,7 @@ import pytest
 from films import RIG, film
 
 from testbed.morphology import Morphology, load_robot
+from testbed.student.motion import Watched
 from testbed.student.parameters import EmbodiedParameters, FittingParameters
 from testbed.student.seeing.alternatives import alternatives, own_limbs
 from testbed.student.seeing.embodied import Embodiment, embodied
@@ -45,6 +46,20 @@ def test_the_own_body_is_recognised_larger_and_from_its_other_side() -> None:
         other.log_likelihood for other, hides in zip(seen.explanations[1:], hiding, strict=True) if not hides
     ]
     assert rest == sorted(rest, reverse=True)
+
+
+def test_what_is_hidden_is_not_held_against_the_own_body() -> None:
+    watched, _ = film(load_robot("crawler"), WAVES, frames=12)
+    _, columns = np.nonzero((watched.frames < 180).any(axis=(0, 1)))
+    unseen = np.zeros(watched.frames.shape, bool)
+    unseen[..., int(np.quantile(columns, 0.45)) : int(np.quantile(columns, 0.7))] = (
+        True  # somebody stands there
+    )
+    frames = np.where(unseen, np.uint8(255), watched.frames)
+    seen = embodied(Watched(frames, watched.times, unseen), RIG, load_robot("crawler"), FEW)
+    assert seen.log_ratio > 0
+    assert seen.own.explained > 0.97
+    assert seen.scale == pytest.approx(1, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from testbed.morphology import Morphology, load_robot
 from testbed.student.judging.likeness import by_attachment, by_likelihood, decided, hinges
 from testbed.student.motion import TeacherMotion
 from testbed.student.parameters import Calibration, LikenessParameters
+from testbed.student.seeing.evidence import STRANGER
 
 CRAWLER = load_robot("crawler")
 PARAMETERS = LikenessParameters()
@@ -82,7 +83,7 @@ def test_a_decision_is_a_logistic_curve_that_changes_at_one_half(
 
 
 def seen(log_ratio: float, explained: float) -> Any:
-    other = SimpleNamespace(name="splayed", words="its second limb hangs on the body", explained=0.97)
+    other = SimpleNamespace(name="limb_2_on_main", words="its second limb hangs on the body", explained=0.97)
     own = SimpleNamespace(explained=explained)
     return SimpleNamespace(log_ratio=log_ratio, own=own, best_other=other)
 
@@ -97,3 +98,17 @@ def test_likelihood_says_which_body_explains_more_and_how_it_differs() -> None:
     assert like.probability is not None
     assert unlike.probability is not None
     assert like.probability > 0.9 > 0.1 > unlike.probability
+
+
+@pytest.mark.parametrize("left_over", [0.0, 0.03])
+def test_who_has_no_body_that_the_student_knows_may_be_more_than_one(left_over: float) -> None:
+    film = seen(-400.0, 0.61)
+    film.best_other = SimpleNamespace(
+        name=STRANGER, words="it has a body that I cannot think of", explained=0.96
+    )
+    film.unexplained, film.left_over = 0.28, left_over
+    reason = by_likelihood(film, PARAMETERS).reason
+    assert reason.startswith("it has a body that I cannot think of, or is more than one: ")
+    assert "more than 72.0% of what I saw, my own 61.0%" in reason
+    assert "96" not in reason  # what a body that nobody thought of would explain was not seen
+    assert reason.endswith("as thick as another main body") == (left_over > 0)

@@ -74,6 +74,8 @@ VERDICTS: tuple[Column, ...] = (
     Column("explained", "number", "", "how much of what it saw its own body explains, at most 1"),
     Column("best_other", "text", "", "which other body explains most"),
     Column("explained_by_other", "number", "", "how much that one explains, at most 1"),
+    Column("unexplained", "number", "", "share of what it saw that no body that it can think of explains, 0 to 1"),
+    Column("left_over", "number", "", "as thick a share of that as a main body: from .01 it may be several bodies"),
     Column("crowded", "number", "", "share of its images in which another's outline ran into its own, 0 to 1"),
     Column("hidden", "number", "", "share of its images in which somebody nearer stood before it, 0 to 1"),
     Column("several", "number", "", "how clearly it lies at two distances: from .6 it may be several bodies, 0 to 1"),

@@ -66,6 +66,8 @@ OF_A_FOUND_TEACHER = (
     "explained",
     "best_other",
     "explained_by_other",
+    "unexplained",
+    "left_over",
     *performance.COLUMNS,
 )
 """Columns that are empty for a teacher that the student did not find, or that its mind knows nothing about. Every row
@@ -138,6 +140,7 @@ def candidate_row(judgement: Judgement, arrays: Arrays) -> Row:
     if isinstance(judgement.model, Embodiment):
         other = judgement.model.best_other
         row |= {"explained": judgement.model.own.explained, "best_other": other.name}
+        row |= {name: getattr(judgement.model, name) for name in ("unexplained", "left_over")}
         row["explained_by_other"] = other.explained
     for name, array in _ERRORS.items():
         if array in arrays:

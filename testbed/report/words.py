@@ -11,6 +11,7 @@ from testbed.report.series import right_verdicts
 
 _NOTABLE = 0.1  # of the images
 _SEVERAL = 0.6  # how clear two distances are; from here on the student says so itself
+_BULKY = 0.01  # of an outline; likewise
 _NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
 
 
@@ -100,6 +101,7 @@ def in_the_way(rows: Sequence[Row]) -> str:
     hidden = sum((row.get("hidden") or 0) >= _NOTABLE for row in found)
     crowded = sum((row.get("crowded") or 0) >= _NOTABLE > (row.get("hidden") or 0) for row in found)
     several = sum((row.get("several") or 0) >= _SEVERAL for row in found)
+    bulky = sum((row.get("left_over") or 0) >= _BULKY for row in found)
     said = []
     if hidden:
         said.append(f"{hidden} of {len(found)} candidates stood partly behind somebody else.")
@@ -109,6 +111,10 @@ def in_the_way(rows: Sequence[Row]) -> str:
         said.append(
             f"{several} of {len(found)} lay at two distances: more than one body may have stood there, and a verdict "
             "about them may be about two at once."
+        )
+    if bulky:
+        said.append(
+            f"Of {bulky} of {len(found)} more was left unexplained than limbs: more than one body may have stood there."
         )
     return " ".join(said)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.student.candidates_depth import Depths, PartingParameters, depths_of
-from testbed.student.candidates_parting import bearing_of, body_at
+from testbed.student.candidates_parting import Parted, bearing_of, body_at
 from testbed.student.mind import Judgement
 from testbed.student.motion import Watched
 from testbed.student.senses import Observation
@@ -109,7 +109,7 @@ class Sight:
         depths = depths_of(seen.watched.frames, self._rig, self._dark_below, self.parameters)
         bodies = []
         for near in (True, False) if depths.clearness >= self.parameters.clear else ():
-            frames, _ = self._body(seen.watched.frames, depths, near=near)
+            frames, *_ = self._body(seen.watched.frames, depths, near=near)
             offset = bearing_of(frames, self._rig, self._dark_below)
             bodies += [] if offset is None else [Body(offset, near, depths)]
         if len(bodies) < 2:
@@ -117,14 +117,15 @@ class Sight:
         return seen, tuple(sorted(bodies, key=lambda body: body.offset))
 
     def only(self, seen: Candidate, body: Body) -> Candidate:
-        """One of two bodies without the other, in a film in which both may be seen."""
-        frames, touched = self._body(seen.watched.frames, body.depths, near=body.near)
+        """One of two bodies without the other, in a film in which both may be seen; a third may be left."""
+        frames, touched, unseen = self._body(seen.watched.frames, body.depths, near=body.near)
         shift = body.depths.near if body.near else body.depths.far
         return replace(
             seen,
-            watched=Watched(frames, seen.watched.times),
+            watched=Watched(frames, seen.watched.times, unseen),
             crowded=max(seen.crowded, float(touched.mean())),
             hidden=0.0 if body.near else float(touched.mean()),
+            several=depths_of(frames, self._rig, self._dark_below, self.parameters).clearness,
             distance=self._rig.focal * self._rig.baseline / shift,
         )
 
@@ -133,7 +134,7 @@ class Sight:
         views = [observation["left"], observation["right"]]
         return any(is_ahead(view, self._rig, _AHEAD, dark_below=self._dark_below) for view in views)
 
-    def _body(self, frames: Images, depths: Depths, *, near: bool) -> tuple[Images, NDArray[np.bool_]]:
+    def _body(self, frames: Images, depths: Depths, *, near: bool) -> Parted:
         return body_at(frames, self._rig, depths, self._dark_below, self.parameters, near=near)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,21 @@ from testbed.vision.camera import StereoRig
 from testbed.vision.foreground import foreground
 
 
+class Parted(NamedTuple):
+    """One of two bodies alone.
+
+    Attributes:
+        frames: (F, 2, height, width) with background in the other's place.
+        touched: (F, 2) where the two outlines touch.
+        unseen: (F, 2, height, width) what cannot be known of it: the farther is hidden by the nearer, and where the two
+            meet edges are uncertain.
+    """
+
+    frames: Images
+    touched: NDArray[np.bool_]
+    unseen: NDArray[np.bool_]
+
+
 def body_at(
     frames: Images,
     rig: StereoRig,
@@ -28,7 +45,7 @@ def body_at(
     parameters: PartingParameters,
     *,
     near: bool,
-) -> tuple[Images, NDArray[np.bool_]]:
+) -> Parted:
     """A film with one of two bodies alone: the one whose shift suits a pixel's surroundings better.
 
     Args:
@@ -38,21 +55,25 @@ def body_at(
         dark_below: Luminosity below which a pixel is foreground.
         parameters: See :class:`PartingParameters`.
         near: Which one is kept.
-
-    Returns:
-        The frames with background in the other's place, and where (F, 2) the two outlines touch.
     """
-    kept, touched = frames.copy(), np.zeros(frames.shape[:2], bool)
+    kept, touched, unseen = frames.copy(), np.zeros(frames.shape[:2], bool), np.zeros(frames.shape, bool)
     for number, pair in enumerate(frames):
         gain, shifts = _gain(pair, depths, parameters), disparities(pair, rig, dark_below, parameters)
         for eye, image in enumerate(pair):
             dark = foreground(image, dark_below)
             nearer = gain[eye] + parameters.hint * _neighbours(shifts[eye] - depths.gap) > 0
             other = _without_flecks(nearer, dark, parameters.fleck) != near
-            grown = cv2.dilate((dark & other).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-            touched[number, eye] = bool((grown & dark & ~other).any())
+            his, mine = dark & other, dark & ~other
+            touched[number, eye] = bool((_grown(his, 1) & mine).any())
+            unseen[number, eye] = _grown(his, 1) & _grown(mine, 1) if near else _grown(his, 2)
             kept[number, eye][other] = np.median(image)
-    return kept, touched
+    return Parted(kept, touched, unseen)
+
+
+def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """With so many pixels around."""
+    block = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), block) > 0)
 
 
 def _without_flecks(nearer: NDArray[np.bool_], dark: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:

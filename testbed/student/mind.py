@@ -203,7 +203,7 @@ class Mind:
         if lost is not None:
             own = Own(BodyPrior.of(lost.body), lost.body)
         body = own.body
-        seen = Watched(watched.frames[list(looks)], watched.times[list(looks)])
+        seen = watched.at(looks)
 
         itself = self._self_discovery if lost is None else f"{self.name} of what is left"
         modelling = f"{number} {looks} {itself} {self._key('teacher_modelling')}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,18 @@ class Watched:
     Attributes:
         frames: (F, 2, height, width) luminosity, left then right.
         times: (F,) when each was seen, s, rising.
+        unseen: (F, 2, height, width) where somebody else stood, so that nothing is known; None if nobody did.
     """
 
     frames: NDArray[np.uint8]
     times: Vector
+    unseen: NDArray[np.bool_] | None = None
+
+    def at(self, looks: Sequence[int]) -> Watched:
+        """Some of the frames."""
+        which = list(looks)
+        unseen = None if self.unseen is None else self.unseen[which]
+        return Watched(self.frames[which], self.times[which], unseen)
 
 
 @dataclass(frozen=True)

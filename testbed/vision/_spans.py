@@ -245,7 +245,7 @@ def add_outline(
         px: Columns of the corners.
         py: Rows of the corners.
         n: How many corners.
-        alpha: (height, width) how dark the image is, 0 to 1.
+        alpha: (height, width) how dark the image is, 0 to 1; below 0 where that is unknown: such pixels cost nothing.
         area: (height, width + 2) of zeros, left as zeros.
         cover: (height, width) what is covered already.
         rows: (4, height) work space of row ends: the first two rows for this outline, the last two (least and greatest
@@ -281,7 +281,8 @@ def add_outline(
             if c > old:
                 if keep:
                     cover[v, u] = c
-                change += (c - old) * (c + old - 2.0 * alpha[v, u])
+                if alpha[v, u] >= 0.0:
+                    change += (c - old) * (c + old - 2.0 * alpha[v, u])
         area[v, width] = 0.0
         area[v, width + 1] = 0.0
         if keep:

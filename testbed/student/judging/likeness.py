@@ -20,6 +20,8 @@ from testbed.student.motion import TeacherMotion
 from testbed.student.moving.rehearsal import RehearsalRecord
 from testbed.student.parameters import Calibration, LikenessParameters
 from testbed.student.seeing.embodied import Embodiment
+from testbed.student.seeing.evidence import STRANGER
+from testbed.student.seeing.left_over import LeftOverParameters
 from testbed.vision.primitives import CUBOID, D1, D2, OMEGA, SHAPE, SPHERE, X, Y
 
 _MOST_ORDERED = 5  # of more parts than this the modeller's own order counts: 8 limbs have 40 320
@@ -44,7 +46,14 @@ def by_likelihood(seen: Embodiment, parameters: LikenessParameters) -> Verdict:
     )
     verdict = decided(evidence, parameters.likelihood, shares)
     reason = shares
-    if verdict.answer == "inappropriate":
+    if verdict.answer == "inappropriate" and seen.best_other.name == STRANGER:
+        reason = (
+            f"{seen.best_other.words}, or is more than one: none that I can think of explains more than "
+            f"{1 - seen.unexplained:.1%} of what I saw, my own {seen.own.explained:.1%}"
+        )
+        if seen.left_over >= LeftOverParameters().telling:
+            reason += ", and what is left over is as thick as another main body"
+    elif verdict.answer == "inappropriate":
         reason = f"{seen.best_other.words}: {shares}"
     elif seen.log_ratio < 0:
         reason = f"{shares}, too little more to speak against me"

@@ -1,6 +1,6 @@
 """Articulated bodies against stereo silhouettes, compiled: costs and their linearisation.
 
-The cost of a frame is the sum over the pixels of both eyes of (coverage - darkness)^2. Derivatives are forward
+The cost of a frame is the sum over the known pixels of both eyes of (coverage - darkness)^2. Derivatives are forward
 differences: coverage is exact area, so that they are smooth.
 """
 
@@ -115,7 +115,7 @@ def linearised(
                 for v in range(height):
                     for u in range(min(rows[2, v], others[2, v]), max(rows[3, v], others[3, v]) + 1):
                         gap = there[v, u] - here[v, u]
-                        if abs(gap) > 1e-9:
+                        if abs(gap) > 1e-9 and eyes.alpha[frames[b], eye, v, u] >= 0.0:
                             p = slot[v, u]
                             if p < 0 and used < _ROOM:
                                 p = used

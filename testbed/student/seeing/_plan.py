@@ -48,8 +48,8 @@ class Eyes(NamedTuple):
     """What was seen and with which eyes.
 
     Attributes:
-        alpha: (F, 2, height, width) darkness, 0 to 1.
-        blank: (F,) sum of alpha^2: what it costs to explain nothing.
+        alpha: (F, 2, height, width) darkness, 0 to 1; -1 where it is unknown, for somebody else stood there.
+        blank: (F,) sum of the known alpha^2: what it costs to explain nothing.
         places: (2,) x of the eyes, m.
         camera: (3,) focal length and the image's middle, pixels.
     """

@@ -137,10 +137,12 @@ def lay_out(limbs: tuple[Limb, ...], facing: int = 1) -> Body:
     return Body(limbs, facing, plan, len(own), names, owners)
 
 
-def eyes_of(alpha: NDArray[np.float32], rig: StereoRig) -> Eyes:
-    """What was seen, (F, 2, height, width) darkness, as the compiled functions take it."""
+def eyes_of(alpha: NDArray[np.float32], rig: StereoRig, unseen: NDArray[np.bool_] | None = None) -> Eyes:
+    """What was seen, (F, 2, height, width) darkness, and where nothing is known, as the compiled functions take it."""
     alpha = np.ascontiguousarray(alpha, np.float32)
     blank = np.square(alpha, dtype=np.float64).sum((1, 2, 3))
+    if unseen is not None:
+        alpha = np.where(unseen, np.float32(-1), alpha)
     return Eyes(alpha, blank, np.array(rig.eyes), camera_of(rig))
 
 

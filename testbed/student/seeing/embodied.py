@@ -19,7 +19,7 @@ from testbed.student.parameters import EmbodiedParameters, FittingParameters
 from testbed.student.seeing.alternatives import Alternative, alternatives, own_limbs, thinned
 from testbed.student.seeing.articulated import Body, lay_out
 from testbed.student.seeing.bundling import Fit, bundle, score, settle_poses
-from testbed.student.seeing.evidence import Explanation, explanation_of, motion_of, stranger_to
+from testbed.student.seeing.evidence import STRANGER, Explanation, explanation_of, motion_of, stranger_to
 from testbed.student.seeing.fitting import (
     Film,
     film_of,
@@ -30,6 +30,7 @@ from testbed.student.seeing.fitting import (
     rough_fit,
     start_of,
 )
+from testbed.student.seeing.left_over import LeftOverParameters, left_over
 from testbed.student.seeing.posing import best_few, grow
 from testbed.vision.camera import StereoRig
 
@@ -50,6 +51,8 @@ class Embodiment:
         lengths: (k) length factors of the own body's parts besides that.
         yaw: By which angle the plane of motion is turned away from the image plane, rad.
         swings: (k) range that each joint moves through, rad; the root's is of its roll.
+        unexplained: Share of the squared darkness that none of these bodies accounts for; a stranger is none.
+        left_over: Of a stranger, the share of the darkness that is left over and as thick as a main body; else 0.
     """
 
     explanations: tuple[Explanation, ...]
@@ -59,6 +62,8 @@ class Embodiment:
     lengths: Vector
     yaw: float
     swings: Vector
+    unexplained: float = 0.0
+    left_over: float = 0.0
 
     @property
     def own(self) -> Explanation:
@@ -116,6 +121,8 @@ def embodied(
     rest.append(stranger_to(own, told[0], film, parameters))
     more = len(limbs)
     rest.sort(key=lambda other: (bool(other.idle) and len(other.parents) > more, -other.log_likelihood))
+    known = max((each for each in (*told, *rest) if each.name != STRANGER), key=lambda each: each.explained)
+    strange = rest[0].name == STRANGER and rest[0].log_likelihood > told[0].log_likelihood
     progress(1.0)
     common = whole.body.plan.common - whole.body.pose
     return Embodiment(
@@ -126,6 +133,8 @@ def embodied(
         lengths=_lengths(whole)[places],
         yaw=float(whole.shared[common[2]]),
         swings=_swings(whole)[places],
+        unexplained=1 - known.explained,
+        left_over=left_over(film, rig, known, told[0], LeftOverParameters()) if strange else 0.0,
     )
 
 

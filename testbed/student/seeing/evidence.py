@@ -16,6 +16,9 @@ from testbed.student.seeing.articulated import describe
 from testbed.student.seeing.bundling import Fit, score, steps_of
 from testbed.student.seeing.fitting import Film, prior_of
 
+STRANGER = "stranger"
+"""Stands for all bodies that nobody thought of."""
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -73,11 +76,11 @@ def explanation_of(option: Alternative, fit: Fit, film: Film, parameters: Embodi
 
 def stranger_to(own: Fit, told: Explanation, film: Film, parameters: EmbodiedParameters) -> Explanation:
     """What a body that is none of those considered would explain: as free as the own body, nearly right."""
-    alpha = film.eyes.alpha[own.frames].astype(np.float64)
+    alpha = np.maximum(film.eyes.alpha[own.frames], 0).astype(np.float64)
     residual = parameters.stranger * float((alpha * (1 - alpha)).sum())
     gain = (told.residual - residual) / (2 * parameters.fitting.noise)
     return Explanation(
-        name="stranger",
+        name=STRANGER,
         words="it has a body that I cannot think of",
         own=False,
         parents=(),

@@ -49,7 +49,9 @@ class Film:
 def film_of(watched: Watched, rig: StereoRig, parameters: FittingParameters) -> Film:
     """Darkness, depth and key frames of what was watched."""
     alpha = darkness(watched.frames, parameters.silhouette)
-    eyes = eyes_of(alpha, rig)
+    if watched.unseen is not None:
+        alpha[watched.unseen] = 0
+    eyes = eyes_of(alpha, rig, watched.unseen)
     count = len(alpha)
     keys = np.unique(np.linspace(0, count - 1, min(parameters.key_frames, count)).round().astype(np.int64))
     depth = depth_of(alpha, rig)

@@ -92,7 +92,7 @@ def first_roots(
         rolls = np.zeros(1)
     which, rows = [], []
     for frame in frames:
-        spots = dark_places(eyes.alpha[frame, 0], thin / 2, parameters.places)
+        spots = dark_places(np.maximum(eyes.alpha[frame, 0], 0), thin / 2, parameters.places)
         if not len(spots):
             spots = eyes.camera[None, 1:]
         along = (spots[:, 0] - eyes.camera[1]) * pixel + eyes.places[0]
