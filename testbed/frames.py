@@ -44,6 +44,6 @@ def rotation_about(vector: Sequence[float]) -> Vector:
 
 def tilt_of(quaternion: NDArray[np.floating]) -> Vector:
     """(2,) tilt (rad) of a body with this orientation (xyzw), as an accelerometer at rest reads it."""
-    x, y, z, w = (float(part) for part in quaternion)
+    x, y, z, w = np.asarray(quaternion, dtype=float).tolist()
     up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))  # world's up in the body's frame
     return np.array([math.atan2(up[1], up[2]), math.atan2(-up[0], math.hypot(up[1], up[2]))])

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Sphere, Vector, load_robot
 from testbed.physics import Simulation, tilt_of
+from testbed.student.body._candidates import settle_candidates
 from testbed.student.body.commands import CommandParameters
 from testbed.student.body.genomes import Foresight, Genomes, body_of, random_tree
 from testbed.student.body.imagination import Imagination
@@ -200,6 +201,9 @@ def test_what_lies_well_stays_and_what_does_not_rolls_to_where_it_does() -> None
     assert ups[0] == pytest.approx(rolled, abs=1e-6)
     ups, _ = Foresight(prior).foresee(genomes, -commands, starts=on_its_back[0])
     assert (ups[0, :, 2] < 0).mean() > 0.5
+    Foresight(prior).foresee(genomes, commands[:1])  # one level start, which NumPy makes without a copy
+    Foresight(prior).foresee(genomes, commands, starts=np.asfortranarray(rolled))
+    assert len(settle_candidates.signatures) == 1  # type: ignore[attr-defined]  # however arrays came: compiled once
 
 
 def test_a_body_is_recognised_by_how_it_lies_even_if_it_was_thrown_there_or_is_on_its_back() -> None:

@@ -1,4 +1,4 @@
-"""The cache of compiled code never runs yesterday's source."""
+"""The cache of compiled code never runs yesterday's source, and nothing is compiled twice."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from numba.core import event
+
 from testbed.vision import _jit
+from testbed.vision._jit import compiled
 
 CALLEE = """
 from testbed.vision._jit import compiled
@@ -47,3 +50,22 @@ def test_a_change_in_a_called_file_is_noticed(tmp_path: Path) -> None:
     assert run(1) == "1 0"
     assert run(1) == "1 1"
     assert run(2) == "2 0"  # numba alone would load the caller's cached code, and answer 1
+
+
+@compiled
+def _inner(x: float, doubled: bool) -> float:
+    return 2.0 * x if doubled else x
+
+
+@compiled
+def _outer(x: float) -> float:
+    return _inner(x, True) + _inner(x, False)
+
+
+def test_constants_are_not_compiled_for_apart_and_both_can_be_called_from_python() -> None:
+    with event.install_recorder("numba:compile") as recorder:
+        assert _outer(1.0) == 3.0
+    names = [each.data["dispatcher"].py_func.__name__ for _, each in recorder.buffer if each.is_start]
+    assert names.count("_inner") <= 1  # none at all if the cache knows the outer one
+    assert not _inner.signatures  # type: ignore[attr-defined]
+    assert _inner(3.0, True) == 6.0

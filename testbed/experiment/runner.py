@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,6 +19,7 @@ from testbed.experiment.life import live, live_on
 from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.record import TrialResult
 from testbed.experiment.run_directory import RunDirectory, default_path
+from testbed.experiment.warming import warming
 from testbed.scenario import Scenario, cell_names, may_be_left_out, sweep_of
 
 if TYPE_CHECKING:
@@ -129,7 +131,7 @@ def run(
             cells is a failure of its trials. Finished trials are kept.
     """
     display = display or Quiet()
-    path = out or default_path(scenario)
+    path, lives = out or default_path(scenario), compute is None and bench is None
     if bench is not None:
         compute, executor = functools.partial(live_on, bench.stage, path, scenario), InProcessExecutor()
     compute = compute or functools.partial(live, scenario)
@@ -142,7 +144,9 @@ def run(
         display.started(path, len(jobs), len(finished))
         recorder = _Recorder(directory, display, stops=bench is not None)
         executor = executor or executor_for(min(workers, len(remaining)))
-        executor.run(remaining, compute, recorder)
+        here = lives and remaining and isinstance(executor, InProcessExecutor)  # workers keep the cores busy
+        with warming() if here else nullcontext():
+            executor.run(remaining, compute, recorder)
         contents = summed_up(directory)
         verdicts.write(path, contents)
         return Outcome(path, contents, tuple(recorder.lost), tuple(recorder.left_out))

@@ -203,6 +203,8 @@ def paired_test(start: ArrayLike, end: ArrayLike, rng: np.random.Generator) -> P
 
 
 def _signed_ranks(change: Vector) -> float:
+    if change.size == 1:
+        return 1.0
     from scipy.stats import wilcoxon  # slow to load
 
     return float(wilcoxon(change).pvalue)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PIL import Image
 
@@ -20,6 +23,9 @@ from testbed.report.sweeps import sweeps
 from testbed.report.verdict_section import verdicts
 from testbed.report.words import explanation, headline, summary_facts
 
+if TYPE_CHECKING:
+    from testbed.report.filming import Written
+
 
 def write_report(run_directory: Path) -> Path:
     """Write ``report.html``, ``figures/*.svg`` and ``video/*.mp4`` of a run; returns the page's path.
@@ -31,11 +37,23 @@ def write_report(run_directory: Path) -> Path:
     """
     desk = Desk.of(read_run(run_directory))
     path = run_directory / "report.html"
-    write_text(path, html.page(f"{desk.run.name}: whom to imitate", _body(desk)))
+    with _filming(desk) as film:
+        write_text(path, html.page(f"{desk.run.name}: whom to imitate", _body(desk, film)))
     return path
 
 
-def _body(desk: Desk) -> str:
+def _filming(desk: Desk) -> AbstractContextManager[Callable[[], Written]]:
+    """Begins the video, which is made while all else is."""
+    sample = desk.acted if desk.rows else None
+    if sample is None:
+        return contextlib.nullcontext(lambda: None)
+    from testbed.report.filming import filming  # only where there is something to show
+
+    path = desk.run.directory / "video" / f"{sample.cell}-{sample.number}.mp4"
+    return filming(sample, desk.bodies(sample), path)
+
+
+def _body(desk: Desk, film: Callable[[], Written]) -> str:
     told = "".join(_chapter(each) for each in storytellers(desk))
     many = len(desk.trials) > 1
     note = ""
@@ -44,9 +62,9 @@ def _body(desk: Desk) -> str:
             f'<p class="note">Pictures below tell trial {desk.sample.number}, the first, whatever came of it; '
             f"error curves are about all {len(desk.trials)} trials.</p>"
         )
-    parts = [_header(desk), sweeps(desk), verdicts(desk), bodies_known(desk), travels_told(desk)]
+    parts = [sweeps(desk), verdicts(desk), bodies_known(desk), travels_told(desk)]
     parts += [_claims(desk), note, told] if many else [told, _claims(desk)]
-    return "".join([*parts, _footer(desk)])
+    return "".join([_header(desk, film), *parts, _footer(desk)])  # the film last: it takes longest
 
 
 def storytellers(desk: Desk) -> list[Desk]:
@@ -67,7 +85,7 @@ def _chapter(desk: Desk) -> str:
     return "".join([*told, story.performing(desk)])
 
 
-def _header(desk: Desk) -> str:
+def _header(desk: Desk, film: Callable[[], Written]) -> str:
     run = desk.run
     kicker = html.text(f"{run.name} · {run.scenario.description or 'a run of the testbed'}")
     cell = desk.cell if len(run.cells) > 1 else None
@@ -81,7 +99,7 @@ def _header(desk: Desk) -> str:
             for name, value, interval in summary_facts(summaries_of(run, desk.cell)[desk.mind])
         )
         facts = f'<dl class="facts">{facts}</dl>'
-    video = "" if desk.acted is None else _video(desk, desk.acted)
+    video = "" if desk.acted is None else _video(desk, desk.acted, film())
     others = [row for row in run.verdicts(cell=desk.cell) if row["student"] != desk.mind]
     return (
         f'<header><p class="kicker">{kicker}</p><h1>{html.text(headline(desk.rows, cell))}</h1>'
@@ -89,14 +107,7 @@ def _header(desk: Desk) -> str:
     )
 
 
-def _video(desk: Desk, sample: Trial) -> str:
-    from testbed.report.video import (
-        panes,
-        write_video,
-    )  # needs a simulation: only where there is something to show
-
-    path = desk.run.directory / "video" / f"{sample.cell}-{sample.number}.mp4"
-    written = write_video(sample, desk.bodies(sample), path)
+def _video(desk: Desk, sample: Trial, written: Written) -> str:
     if written is None:
         return ""
     poster = io.BytesIO()
@@ -105,8 +116,10 @@ def _video(desk: Desk, sample: Trial) -> str:
     film = (
         f'<video controls autoplay loop muted playsinline width="{width}" height="{height}" '
         f'poster="{html.data_uri(poster.getvalue(), "image/png")}" '
-        f'src="{html.data_uri(path.read_bytes(), "video/mp4")}"></video>'
+        f'src="{html.data_uri(written[0].read_bytes(), "video/mp4")}"></video>'
     )
+    from testbed.report.video import panes  # loaded already, as there is a video
+
     imitated = any(pane.agent == "student" for pane in panes(sample))
     caption = (
         "The teacher while the student watched it, and the student while it imitated; both from where they began."

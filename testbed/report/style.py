@@ -14,6 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure, SubFigure
 
 P = ParamSpec("P")
@@ -63,6 +64,8 @@ _SETTINGS: dict[Any, Any] = {
     "hatch.linewidth": 0.6,
 }
 
+_SVG_DPI = 72  # points of a page, in which matplotlib lays out what it writes as SVG
+
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Let a function draw in this look without touching matplotlib's settings for anybody else."""
@@ -79,11 +82,22 @@ def svg(figure: Figure, name: str) -> str:
     """The figure as SVG text, the same bytes every time; ``name`` keeps its ids apart from other figures'."""
     with mpl.rc_context({**_SETTINGS, "svg.hashsalt": name}):
         buffer = io.StringIO()
+        _lay_out(figure)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     text = _own_ids(text, name)
     text = re.sub(r'(?<= d=")[^"]+', _short, text)
     return re.sub(r"[ \t]+\n", "\n", text)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Put everything in its place: left to do it, ``savefig`` draws the figure twice, the first time for nothing."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        FigureCanvasSVG(figure)
+        figure.dpi = _SVG_DPI
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def _own_ids(text: str, name: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.morphology import Morphology, Vector
-from testbed.physics import PhysicsSpec, Simulation
+from testbed.physics import PhysicsSpec, Simulation, tilt_of
 from testbed.scenario import RigSpec, Scenario
 from testbed.scenario_view import MOST_PAN_ERRORS
 from testbed.vision.noise import QuickNoise
@@ -54,6 +54,12 @@ class SimulatedBackend:
         self._flaws = Flaws.of(scenario.student, self._robots[STUDENT])
         self._lag = Lag.of(scenario.student, self._robots[STUDENT], scenario.world.control_step)
         self._events = events_of(scenario, self._spots, self._robots)
+        self._ways = {
+            name: np.array([math.cos(spot.yaw), math.sin(spot.yaw)]) for name, spot in self._spots.items()
+        }
+        self._tilt_noise = math.radians(scenario.world.tilt_noise_deg)
+        self._control_step = scenario.world.control_step
+        self._bases: dict[str, Vector] = {}  # where everybody is, asked of Bullet once a step
         self._simulation = Simulation(physics_of(scenario))
         for name, body in self._true.items():
             spot = self._spots[name]
@@ -101,6 +107,7 @@ class SimulatedBackend:
             event.reset()
         self._simulation.reset(*self._robots)
         self._before, self._turned = self._simulation.joints(STUDENT), 0.0
+        self._bases.clear()
 
     def apply(self, commands: Mapping[str, Vector], pan: float) -> None:
         """See :class:`Backend`."""
@@ -111,26 +118,24 @@ class SimulatedBackend:
                 targets = self._lag.heard(self._flaws.turned(targets))[self._kept]
             self._simulation.command(name, targets)
         self._simulation.step(self._substeps)
+        self._bases.clear()
         self._feel_movement()
         if pan != self._pan_target:
             self._pan_target = pan
             deviation = np.clip(self._pan_rng.standard_normal(), -MOST_PAN_ERRORS, MOST_PAN_ERRORS)
             self._pan_error = math.radians(self._scenario.rig.pan_error_deg) * float(deviation)
         way = pan + self._pan_error - self._pan
-        self._pan += float(np.clip(way, -self._pan_step, self._pan_step))
+        self._pan += min(max(way, -self._pan_step), self._pan_step)  # np.clip takes longer
         self._step += 1
 
     def tilt(self, robot: str) -> Vector:
         """See :class:`Backend`."""
-        noise = math.radians(self._scenario.world.tilt_noise_deg)
-        felt = self._simulation.tilt(robot) + self._tilt_rngs[robot].normal(0.0, noise, 2)
+        felt = tilt_of(self._base(robot)[3:]) + self._tilt_rngs[robot].normal(0.0, self._tilt_noise, 2)
         return felt + self._flaws.tilt_bias if robot == STUDENT else felt
 
     def progress(self, robot: str) -> float:
         """See :class:`Backend`."""
-        spot = self._spots[robot]
-        travelled = self._simulation.base(robot)[:2] - spot.place
-        return float(travelled @ (math.cos(spot.yaw), math.sin(spot.yaw)))
+        return float((self._base(robot)[:2] - self._spots[robot].place) @ self._ways[robot])
 
     def movement(self, robot: str) -> float:
         """See :class:`Backend`; known of the student alone, whom everybody sees."""
@@ -167,7 +172,7 @@ class SimulatedBackend:
             angles = np.zeros(len(self._kept))
             angles[self._kept] = joints
             joints = angles
-        return self._simulation.base(robot), joints
+        return self._base(robot).copy(), joints
 
     def bodies_now(self) -> Mapping[str, Morphology]:
         """The truth about the bodies: with the reality gap, and without what was lost."""
@@ -179,6 +184,7 @@ class SimulatedBackend:
         self._now = {**self._now, STUDENT: body}
         self._kept = np.array([joint in body.joints for joint in self._robots[STUDENT].joints])
         self._simulation.replace(STUDENT, body)
+        self._bases.clear()
 
     def lock(self, joint: str) -> None:
         """A joint of the student seizes where it is."""
@@ -195,22 +201,30 @@ class SimulatedBackend:
             self._absent[robot] = self._simulation.base(robot), self._simulation.joints(robot)
         base, joints = self._absent[robot]
         self._simulation.pose(robot, np.array([*base[:2], base[2] + _ELSEWHERE, *base[3:]]), joints)
+        self._bases.clear()
 
     def bring_back(self, robot: str) -> None:
         """A robot that was out of sight is where it was."""
         if robot in self._absent:
             self._simulation.pose(robot, *self._absent.pop(robot))
+            self._bases.clear()
 
     def close(self) -> None:
         """See :class:`Backend`."""
         self._simulation.close()
 
+    def _base(self, robot: str) -> Vector:
+        base = self._bases.get(robot)
+        if base is None:
+            base = self._bases[robot] = self._simulation.base(robot)
+        return base
+
     def _feel_movement(self) -> None:
         """How fast the student's fastest limb turned in the step that has passed, rad/s."""
         now = self._simulation.joints(STUDENT)
         same_body = len(now) == len(self._before)
-        way = np.abs(now - self._before).max(initial=0.0) if same_body else 0.0
-        self._turned = float(way) / self._scenario.world.control_step
+        way = max(map(abs, (now - self._before).tolist()), default=0.0) if same_body else 0.0
+        self._turned = way / self._control_step
         self._before = now
 
     def _expose_pair(self) -> Pair:

@@ -82,6 +82,10 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         }
         self._seeds = np.random.SeedSequence(scenario.seed)
         self._actions = {name: self._action_space(name) for name in self.possible_agents}
+        # As float64: what is compared with it is not converted at every step.
+        self._ranges = {
+            name: (space.low.astype(float), space.high.astype(float)) for name, space in self._actions.items()
+        }
         self._observations = {name: self._observation_space(name) for name in self.possible_agents}
 
     def observation_space(self, agent: str) -> spaces.Dict:
@@ -119,9 +123,8 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
             return {}, {}, {}, {}, {}
         pan = self.backend.pan
         for name in self.agents:
-            space = self._actions[name]
-            wanted = np.asarray(actions[name], dtype=float)
-            action = np.minimum(np.maximum(wanted, space.low), space.high)  # np.clip takes longer
+            low, high = self._ranges[name]
+            action = np.minimum(np.maximum(actions[name], low), high)  # np.clip takes longer
             if name == STUDENT:
                 action, pan = action[:-1], float(action[-1])
             self._commands[name] = action
@@ -167,20 +170,20 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         return self._progress[name] - before
 
     def _observe(self) -> dict[str, Observation]:
-        movement = min(self.backend.movement(STUDENT), FASTEST)
+        pan, movement = self.backend.pan, min(self.backend.movement(STUDENT), FASTEST)
         observations: dict[str, Observation] = {}
         for name in self.agents:
-            observations[name] = {
+            observations[name] = own = {
                 "tilt": self.backend.tilt(name).astype(np.float32),
                 "joints": self._commands[name].astype(np.float32),
             }
-            if name == STUDENT and self._images:
+            if name != STUDENT:
+                passing = math.remainder(pan - self._bearings[name], 2 * math.pi)
+                own["gaze"] = np.array((passing,), np.float32)
+                own["movement"] = np.array((movement,), np.float32)
+            elif self._images:
                 left, right = self.backend.look()
-                observations[name] |= {"left": left.copy(), "right": right.copy()}
-            elif name != STUDENT:
-                passing = math.remainder(self.backend.pan - self._bearings[name], 2 * math.pi)
-                observations[name]["gaze"] = np.array([passing], dtype=np.float32)
-                observations[name]["movement"] = np.array([movement], dtype=np.float32)
+                own["left"], own["right"] = left.copy(), right.copy()
         self._last = observations
         return observations
 

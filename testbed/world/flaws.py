@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -45,9 +46,13 @@ class Flaws:
 
     def turned(self, targets: Vector) -> Vector:
         """Where the servos turn to (rad) when they are told to turn to ``targets``."""
-        if not self.offsets.any():
+        if not self._turns_elsewhere:
             return targets
         return np.clip(targets + self.offsets, self.low, self.high)
+
+    @cached_property
+    def _turns_elsewhere(self) -> bool:
+        return bool(self.offsets.any())
 
 
 class Lag:
@@ -59,6 +64,7 @@ class Lag:
 
     def __init__(self, steps: NDArray[np.int_]) -> None:
         self._steps = steps
+        self._late = bool(steps.any())
         self.reset()
 
     @classmethod
@@ -76,7 +82,7 @@ class Lag:
     def heard(self, targets: Vector) -> Vector:
         """What the servos hear (rad) in the step in which they are told ``targets``; at first the earliest words."""
         self._told.append(targets)
-        if not self._steps.any():
+        if not self._late:
             return targets
         last = len(self._told) - 1
         return np.array([self._told[last - min(late, last)][joint] for joint, late in enumerate(self._steps)])

@@ -51,7 +51,7 @@ def settle_candidates(
     """
     limbs = len(speeds)
     mounts, sizes, weights = np.empty((limbs, 5)), shapes.copy(), masses.copy()
-    targets, poses = np.empty_like(commands), np.empty((len(commands), 10))
+    targets, poses = np.empty((len(commands), limbs)), np.empty((len(commands), 10))
     for candidate in range(len(parents)):
         for limb in range(limbs):
             place = 2 if int(shapes[limb + 1, 0]) == CAPPED else 1
@@ -61,7 +61,10 @@ def settle_candidates(
             sizes[limb + 1, place] = stretched
             sizes[limb + 1, 0] = shapes[limb + 1, 0]
             weights[limb + 1] = masses[limb + 1] * (stretched + caps) / (length + caps)
-            targets[:, limb] = commands[:, limb] * gains[candidate, limb] + offsets[candidate, limb]
+            # In loops, here and below: numba compiles an array assignment for seconds (its error message, mostly).
+            for step in range(len(commands)):
+                turn = commands[step, limb] * gains[candidate, limb] + offsets[candidate, limb]
+                targets[step, limb] = turn
             if stretched == 0.0:  # a weightless speck in the hinge: its parent touches first
                 sizes[limb + 1, 0], sizes[limb + 1, 1], weights[limb + 1] = BALL, 0.0, 0.0
             else:
@@ -82,5 +85,7 @@ def settle_candidates(
             there,
             poses,
         )
-        ups[candidate] = poses[:, :3]
-        haste[candidate] = poses[:, 9]
+        for step in range(len(commands)):
+            for axis in range(3):
+                ups[candidate, step, axis] = poses[step, axis]
+            haste[candidate, step] = poses[step, 9]

@@ -251,10 +251,8 @@ def settle_commands(
     for step in range(len(targets)):
         if step < len(starts):
             _stand(pose, starts[step])
-            if there:
-                now[:] = targets[step]
-            else:
-                now[:] = 0.0
+            for limb in range(limbs):
+                now[limb] = targets[step, limb] if there else 0.0
         longest = 0.0
         for limb in range(limbs):
             longest = max(longest, abs(targets[step, limb] - now[limb]) / speeds[limb])
@@ -272,6 +270,7 @@ def settle_commands(
             rolled = math.acos(max(-1.0, min(1.0, u0 * pose[0] + u1 * pose[1] + u2 * pose[2])))
             haste = max(haste, rolled / max(share, 1e-3))
         restless += 0 if rested else 1
-        poses[step, :9] = pose
+        for k in range(9):
+            poses[step, k] = pose[k]
         poses[step, 9] = haste
     return restless

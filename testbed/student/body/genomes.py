@@ -151,7 +151,7 @@ class Foresight:
             *self._parts,
             np.ascontiguousarray(commands, dtype=float),
             INCREMENT,
-            np.ascontiguousarray(np.broadcast_to(starts, (len(commands), 3))),
+            np.array(np.broadcast_to(starts, (len(commands), 3)), order="C"),
             there,
             ups,
             haste,
