@@ -11,16 +11,16 @@ leaks about 5 kB, so long searches re-use one simulation and never a process for
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbed.frames import tilt_of
 from testbed.morphology import Morphology, Sphere, Vector
-from testbed.physics_bodies import Body, load_body, unload, unseen
+from testbed.physics_bodies import Body, load_body, picture, unload, unseen
 from testbed.silence import silence
 
 with silence():  # importing it prints its build time
@@ -184,15 +184,12 @@ class Simulation:
         A servo whose target is NaN is off: nothing holds its joint.
         """
         body, locked = self._bodies[name], self._locked.get(name, {})
-        goals = [
-            locked.get(joint, target)
-            for joint, target in zip(body.morphology.joints, targets.tolist(), strict=True)
-        ]
-        torques = [
-            torque * (_SEIZED if joint in locked else 1)
-            for joint, torque in zip(body.morphology.joints, body.torques, strict=True)
-        ]
-        for motor, target, torque, speed in zip(body.motors, goals, torques, body.speeds, strict=True):
+        servos = zip(
+            body.morphology.joints, body.motors, targets.tolist(), body.torques, body.speeds, strict=True
+        )
+        for joint, motor, target, torque, speed in servos:
+            if joint in locked:
+                target, torque = locked[joint], torque * _SEIZED
             if math.isnan(target):
                 target, torque = 0.0, 0.0
             pybullet.setJointMotorControl2(
@@ -208,7 +205,25 @@ class Simulation:
     def step(self, count: int = 1) -> None:
         """Let ``count`` physics steps pass."""
         for _ in range(count):
-            pybullet.stepSimulation(physicsClientId=self.client)
+            pybullet.stepSimulation(self.client)
+
+    def follow(
+        self, name: str, targets: NDArray[np.floating], substeps: int
+    ) -> Iterator[tuple[tuple[float, ...], list[float]]]:
+        """Give a body targets (steps, joints), rad, each for so many physics steps; yields base and joints after each.
+
+        What Bullet need not be told or asked is left out: a servo keeps its target.
+        """
+        body, client = self._bodies[name], self.client
+        new = np.any(targets != np.roll(targets, 1, axis=0), axis=1).tolist()
+        for step, target in enumerate(targets):
+            if step == 0 or new[step]:
+                self.command(name, target)
+            for _ in range(substeps):
+                pybullet.stepSimulation(client)
+            position, orientation = pybullet.getBasePositionAndOrientation(body.number, client)
+            states = pybullet.getJointStates(body.number, body.motors, client) if body.motors else ()
+            yield position + orientation, [state[0] for state in states]
 
     def base(self, name: str) -> Vector:
         """(7,) position (m) and quaternion xyzw of the root."""
@@ -263,34 +278,7 @@ class Simulation:
         return tilt_of(self.base(name)[3:])
 
     def picture(
-        self,
-        view: tuple[float, ...],
-        projection: tuple[float, ...],
-        *,
-        width: int,
-        height: int,
-        light: Mapping[str, object],
+        self, view: tuple[float, ...], projection: tuple[float, ...], **how: Any
     ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-        """What a pinhole camera sees, by Bullet's software renderer.
-
-        Args:
-            view: OpenGL view matrix, 16 numbers column by column.
-            projection: OpenGL projection matrix, likewise.
-            width: Pixels across.
-            height: Pixels down.
-            light: Keyword arguments of ``pybullet.getCameraImage`` about lighting.
-
-        Returns:
-            Colours (height, width, 3) and where a body is seen (height, width).
-        """
-        _, _, colours, _, bodies = pybullet.getCameraImage(
-            width,
-            height,
-            view,
-            projection,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self.client,
-            **light,
-        )
-        rgb = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)[..., :3]
-        return rgb, np.asarray(bodies).reshape(height, width) >= 0
+        """What a pinhole camera sees: see :func:`testbed.physics_bodies.picture`."""
+        return picture(self.client, view, projection, **how)

@@ -14,8 +14,10 @@ import pytest
 import testbed.student
 from testbed.errors import UserError
 from testbed.experiment.record import Row, TrialResult
+from testbed.experiment.teacher_report import rig_of
 from testbed.experiment.trial import live, run_trial, student_of
 from testbed.experiment.trial_report import match
+from testbed.experiment.truth import overlap, teacher_model_error
 from testbed.experiment.witness import Witness
 from testbed.scenario import Scenario
 from testbed.scenario_student import RealityGap
@@ -65,6 +67,22 @@ def test_arrays_have_the_shapes_that_the_documentation_tells(result: TrialResult
     assert shapes["teacher_0/self_rolls"] == (3, parameters.imitation.samples, 3)
     assert shapes["truth/teacher_1/base"] == (len(result.arrays["truth/student/base"]), 7)
     assert all(value.dtype != object for value in result.arrays.values())
+
+
+def test_the_errors_of_a_teacher_model_are_those_of_its_belief_after_each_pass(
+    result: TrialResult, hasty: Scenario
+) -> None:
+    """What is measured once for passes that changed nothing, against every pass by itself."""
+    arrays, rig = result.arrays, rig_of(hasty)
+    beliefs, true = arrays["teacher_1/model_history"], arrays["teacher_1/truth_parts"]
+    passes = len(beliefs) - 1
+    assert len(np.unique(beliefs, axis=0)) < passes
+    for number in range(passes + 1):
+        seen = true[max(number - 1, 0) // (passes // 3)]
+        position, roll = teacher_model_error(beliefs[number], seen)
+        assert arrays["teacher_1/model_position_error"][number] == position
+        assert arrays["teacher_1/model_roll_error"][number] == roll
+        assert arrays["teacher_1/model_overlap"][number] == overlap(beliefs[number], seen, rig)
 
 
 def test_the_true_parts_lie_where_the_images_are_dark(result: TrialResult, hasty: Scenario) -> None:

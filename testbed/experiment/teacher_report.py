@@ -166,16 +166,19 @@ def _paper_arrays(model: TeacherRecord, true_parts: Vector, rig: StereoRig) -> A
     passes, looks = len(model.error), len(true_parts)
     after_each_pass = model.history[len(model.history) // passes - 1 :: len(model.history) // passes]
     beliefs = np.concatenate([model.initial[None], after_each_pass])
-    true_then = [true_parts[max(number - 1, 0) * looks // passes] for number in range(passes + 1)]
-    pairs = list(zip(beliefs, true_then, strict=True))
-    errors = np.array([truth.teacher_model_error(parts, true) for parts, true in pairs])
+    look_of = np.maximum(np.arange(passes + 1) - 1, 0) * looks // passes
+    new = np.ones(passes + 1, dtype=bool)  # most passes change nothing
+    new[1:] = np.any(beliefs[1:] != beliefs[:-1], axis=(1, 2)) | (np.diff(look_of) != 0)
+    told = [(beliefs[number], true_parts[look_of[number]]) for number in np.flatnonzero(new)]
+    since = np.cumsum(new) - 1
+    errors = np.array([truth.teacher_model_error(parts, true) for parts, true in told])[since]
     return {
         "model_history": beliefs,
         "model_error": model.error,
         "pixels": model.pixels,
         "model_position_error": errors[:, 0],
         "model_roll_error": errors[:, 1],
-        "model_overlap": np.array([truth.overlap(parts, true, rig) for parts, true in pairs]),
+        "model_overlap": np.array([truth.overlap(parts, true, rig) for parts, true in told])[since],
     }
 
 

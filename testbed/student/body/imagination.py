@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Generator
 from typing import Self
 
 import numpy as np
@@ -11,6 +13,9 @@ from testbed.physics import PhysicsSpec, Simulation
 from testbed.student.parameters import ImaginationParameters
 
 _BODY = "self"
+
+Enough = Callable[[int, Vector, Vector], bool]
+"""A control step's number, bases (steps, 7) and joints (steps, joints) rad: whether to stop here."""
 
 
 class Imagination:
@@ -47,19 +52,27 @@ class Imagination:
         Returns:
             (n, 2) tilt, rad.
         """
+        with contextlib.closing(self.rests(body, commands, limit=limit, rest_speed=rest_speed)) as rests:
+            return np.array(list(rests)).reshape(-1, 2)
+
+    def rests(
+        self, body: Morphology, commands: Vector, *, limit: float, rest_speed: float
+    ) -> Generator[Vector, None, None]:
+        """The same one by one, so that whoever has seen enough may close it: yields (2,) tilts, rad."""
         patience = 12  # physics steps between two looks whether the body is at rest
-        tilts = []
-        self._simulation.add(_BODY, body)
-        for command in commands:
-            self._simulation.reset(_BODY)
-            self._simulation.command(_BODY, command)
-            for _ in range(max(1, round(limit / self._step / patience))):
-                self._simulation.step(patience)
-                if self._simulation.speed(_BODY) < rest_speed:
-                    break
-            tilts.append(self._simulation.tilt(_BODY))
-        self._simulation.remove(_BODY)
-        return np.array(tilts).reshape(-1, 2)
+        simulation = self._simulation
+        simulation.add(_BODY, body)
+        try:
+            for command in commands:
+                simulation.reset(_BODY)
+                simulation.command(_BODY, command)
+                for _ in range(max(1, round(limit / self._step / patience))):
+                    simulation.step(patience)
+                    if simulation.speed(_BODY) < rest_speed:
+                        break
+                yield simulation.tilt(_BODY)
+        finally:
+            simulation.remove(_BODY)
 
     def imagine(self, body: Morphology) -> Rehearsal:
         """Put a body into the mind to rehearse motions with; close it afterwards."""
@@ -79,20 +92,23 @@ class Rehearsal:
     def __exit__(self, *_: object) -> None:
         self._simulation.remove(_BODY)
 
-    def move(self, targets: Vector) -> tuple[Vector, Vector]:
+    def move(
+        self, targets: Vector, enough: Enough = lambda step, bases, joints: False
+    ) -> tuple[Vector, Vector]:
         """Let the body follow motor commands, one a control step.
 
         Args:
             targets: (steps, joints) rad.
+            enough: Asked after each control step, with its number and what is returned, filled up to there, whether
+                the rest need not be seen; then the rest is NaN.
 
         Returns:
             After each step: base (steps, 7), position and quaternion of the root, and joints (steps, joints) rad.
         """
         self._simulation.reset(_BODY)
-        bases, joints = np.empty((len(targets), 7)), np.empty_like(targets)
-        for step, target in enumerate(targets):
-            self._simulation.command(_BODY, target)
-            self._simulation.step(self._substeps)
-            bases[step] = self._simulation.base(_BODY)
-            joints[step] = self._simulation.joints(_BODY)
+        bases, joints = np.full((len(targets), 7), np.nan), np.full_like(targets, np.nan)
+        for step, (base, angles) in enumerate(self._simulation.follow(_BODY, targets, self._substeps)):
+            bases[step], joints[step] = base, angles
+            if enough(step, bases, joints):
+                break
         return bases, joints

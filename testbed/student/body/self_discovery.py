@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_model import BodyPrior, Tree, branch_columns, branches_of, self_model, tree_of
 from testbed.student.parameters import SelfDiscoveryParameters
 from testbed.student.search import HillClimber, choose_variables
+
+_SURELY = 1 + 1e-9
+"""Rounding must not decide who is worse."""
 
 
 @dataclass(frozen=True)
@@ -74,21 +78,39 @@ def evolve_self_model(
     progress: Callable[[int, int], None],
 ) -> SelfDiscoveryRecord:
     """Section 3.2.3: a hill climber over (alpha, lambda, beta), each self-model physically simulated."""
+    missed, tried = np.zeros(len(commands)), np.zeros(len(commands))
 
-    def feel(genome: Vector) -> Vector:
-        body = self_model(prior, genome)
-        return imagination.settle(
-            body, commands, limit=parameters.settle_time, rest_speed=parameters.rest_speed
+    def feel(genome: Vector, best: float) -> tuple[Vector, float]:
+        """How it would tilt, and Eq. 1 of it: infinite as soon as it is worse than the best.
+
+        Eq. 1 only grows with each command, so those come first that other self-models explained worst.
+        """
+        felt, left = np.full_like(tilt, math.nan), best**2 * _SURELY
+        order = np.argsort(-missed / np.maximum(tried, 1), kind="stable")
+        rests = imagination.rests(
+            self_model(prior, genome),
+            commands[order],
+            limit=parameters.settle_time,
+            rest_speed=parameters.rest_speed,
         )
+        with contextlib.closing(rests):
+            for number, rest in zip(order, rests, strict=True):
+                felt[number] = rest
+                off = float(np.sum((tilt[number] - rest) ** 2))
+                missed[number], tried[number], left = missed[number] + off, tried[number] + 1, left - off
+                if left < 0:
+                    return felt, math.inf
+        return felt, tilt_error(tilt, felt)
 
     start = random_genome(len(prior.limbs), rng)
-    believed = [feel(start)]
-    climber = HillClimber(start, tilt_error(tilt, believed[0]))
+    felt, error = feel(start, math.inf)
+    climber, believed = HillClimber(start, error), [felt]
     for iteration in range(parameters.iterations):
         child = mutate(climber.parent, parameters, rng)
-        child_tilt = feel(child)
-        better = climber.tell(child, tilt_error(tilt, child_tilt))
-        believed.append(child_tilt if better else believed[-1])
+        same = np.array_equal(child, climber.parent)  # lambda may be drawn as it was
+        felt, error = (believed[-1], climber.error) if same else feel(child, climber.error)
+        better = climber.tell(child, error)
+        believed.append(felt if better else believed[-1])
         progress(iteration + 1, parameters.iterations)
     return SelfDiscoveryRecord(
         prior, commands, tilt, np.array(climber.parents), np.array(climber.errors), np.array(believed)

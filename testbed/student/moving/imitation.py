@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from scipy.special import expit
 
 from testbed.morphology import Morphology, Vector
 from testbed.student.body.imagination import Imagination
+from testbed.student.moving.beaten import Beaten
 from testbed.student.moving.rolls import headings, read_rolls, roll_of, view_of
 from testbed.student.parameters import ImitationParameters
 from testbed.student.search import HillClimber, choose_variables
@@ -103,20 +105,25 @@ def evolve_controller(
     theirs = history[:, :, [X, Y]]
     order = correspondence(places, theirs[-1] if parameters.positions == "last" else theirs.mean(axis=0))
     limits, shape = body.limits, (len(body.joints), rolls.shape[1])
+    beaten = Beaten(body, right, rolls[:, order], parameters.roll_reading)
 
     with imagination.imagine(body) as rehearsal:
 
-        def respond(weights: Vector) -> Vector:
-            bases, joints = rehearsal.move(controller(weights.reshape(shape), rolls, limits))
-            return read_rolls(roll_of(headings(body, bases, joints), right), parameters.roll_reading)
+        def respond(weights: Vector, best: float) -> tuple[Vector, float]:
+            commands = controller(weights.reshape(shape), rolls, limits)
+            bases, joints = rehearsal.move(commands, beaten.by(best))
+            if np.isnan(joints[-1]).any():
+                return joints, math.inf  # it was not seen to its end
+            response = read_rolls(roll_of(headings(body, bases, joints), right), parameters.roll_reading)
+            return response, imitation_error(rolls, order, response)
 
         start = rng.uniform(-parameters.initial_weight, parameters.initial_weight, shape).ravel()
-        responses = [respond(start)]
-        climber = HillClimber(start, imitation_error(rolls, order, responses[0]))
+        response, error = respond(start, math.inf)
+        climber, responses = HillClimber(start, error), [response]
         for iteration in range(parameters.iterations):
             child = mutate(climber.parent, parameters, rng)
-            response = respond(child)
-            better = climber.tell(child, imitation_error(rolls, order, response))
+            response, error = respond(child, climber.error)
+            better = climber.tell(child, error)
             responses.append(response if better else responses[-1])
             progress(iteration + 1, parameters.iterations)
     weights = np.array(climber.parents).reshape(-1, *shape)

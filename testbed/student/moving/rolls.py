@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import Morphology, Vector, rotation_y
+from testbed.morphology import Morphology, Vector
 
 RollReading = Literal["half_turn", "raw", "unwrapped"]
 
@@ -32,9 +32,20 @@ def headings(body: Morphology, bases: Vector, joints: Vector) -> Vector:
             pending.append((index, joint))
             continue
         mount = body.mount(joint)[:3, :3]
-        turns = np.stack([rotation_y(angle)[:3, :3] for angle in joints[:, index]])
+        turns = _turns(joints[:, index])
         frames[joint.child] = frames[joint.parent] @ mount @ turns
     return np.stack([frames[part][:, :, 0] for part in body.parts], axis=1)
+
+
+def _turns(angles: Vector) -> Vector:
+    """(n, 3, 3) turns about y by angles (n,), rad: see :func:`testbed.frames.rotation_y`."""
+    turns = np.zeros((len(angles), 3, 3))
+    turns[:, 1, 1] = 1.0
+    listed = angles.tolist()  # math, not NumPy, whose last bit depends on the processor
+    turns[:, 0, 0] = turns[:, 2, 2] = [math.cos(angle) for angle in listed]
+    turns[:, 0, 2] = [math.sin(angle) for angle in listed]
+    turns[:, 2, 0] = -turns[:, 0, 2]
+    return turns
 
 
 def roll_of(headings: Vector, right: Vector) -> Vector:
