@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 TOOLS := $(VENV)/.tools
+PEERS := $(VENV)/.peers
 SCENARIO ?= scenarios/whom_to_imitate.yaml
 
 .PHONY: run leaderboard test lint bench docs firmware clean help
@@ -15,7 +16,7 @@ help:
 	@echo "make test   the fast tests"
 	@echo "make leaderboard   all students and baselines on the same teachers"
 	@echo "make lint   style and types"
-	@echo "make bench  the benchmarks, into benchmarks/results.json"
+	@echo "make bench  the benchmarks, into benchmarks/results.json and docs/benchmarks.md (or ONLY=group)"
 	@echo "make docs   the reference of the Python package, as web pages in build/docs"
 	@echo "make firmware   the robots' firmware, into hardware/firmware/build (needs gcc-avr)"
 	@echo "make clean  remove caches and the environment; runs/ stays"
@@ -38,8 +39,9 @@ lint: $(TOOLS)
 		$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy; \
 	fi
 
-bench: $(TOOLS)
-	$(BIN)/python -m benchmarks
+# ONLY=seeing measures some groups, FULL=1 as a whole what is otherwise scaled from a part.
+bench: $(PEERS)
+	$(BIN)/python -m benchmarks $(ONLY) $(if $(FULL),--full)
 
 # The stamp is newer than what it was made from, or the environment is made again on top of what is there.
 $(STAMP): pyproject.toml constraints.txt
@@ -65,6 +67,11 @@ docs: $(STAMP)
 		$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	$(BIN)/python -W ignore -m pdoc --docformat google -o build/docs testbed
 	@echo "build/docs/index.html"
+
+# What the benchmarks compare with. Without it they still run, and leave those rows out.
+$(PEERS): $(STAMP)
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[bench]' && touch $@ || \
+		echo "Some peers could not be installed; their rows will be left out." >&2
 
 firmware:
 	$(MAKE) -C hardware/firmware

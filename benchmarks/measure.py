@@ -1,61 +1,126 @@
-"""How a measurement is taken: ours and a peer's turns alternate, and the ratio carries an interval."""
+"""How a measurement is taken: everybody's turns alternate, on one core, and a ratio carries an interval."""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import resource
+import subprocess
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-Row = dict[str, Any]
+Seconds = NDArray[np.float64]  # (rounds,)
+ROUNDS = 9
+"""A median of nine has an interval that a single disturbed round does not widen much."""
+GIVEN = frozenset(os.sched_getaffinity(0))
+"""The cores that this process had when it began."""
+_TURN = 0.03  # s: a turn lasts at least so long, so that the clock's own cost does not count
+_RESAMPLES = 4000
 
 
-def against(
-    name: str,
-    peer_name: str,
-    target: float,
-    ours: Callable[[], object],
-    peer: Callable[[], object],
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How much is measured.
+
+    Attributes:
+        rounds: Turns of each contender.
+        full: Whether what is otherwise scaled from a part is measured as a whole.
+    """
+
+    rounds: int = ROUNDS
+    full: bool = False
+
+
+def interleaved(
+    contenders: Mapping[str, Callable[[], object]],
+    rounds: int,
     *,
-    turns: int,
-    repeats: int = 30,
-) -> Row:
-    """Alternating turns: ``turns`` calls of the peer, twenty times as many of ours; processor time, not the clock's."""
-    ours()
-    peer()
-    times = np.empty((2, repeats))
-    for repeat in range(repeats):
-        for i, (call, count) in enumerate(((peer, turns), (ours, 20 * turns))):
-            begin = time.process_time()
+    turn: float = _TURN,
+    once: bool = False,
+    before: Callable[[], object] | None = None,
+    clock: Callable[[], float] = time.process_time,
+) -> dict[str, Seconds]:
+    """Seconds a call of each contender in each round; the order rotates, and all are warm.
+
+    Args:
+        contenders: What to call, by name.
+        rounds: How often each has its turn.
+        turn: A turn makes as many calls as fit into this (s), at least one.
+        once: A turn is one call, and the first calls, which warm up, count like the others.
+        before: Called before each turn, unmeasured; makes caches cold.
+        clock: Processor time by default: a neighbour's load on the machine hardly counts. In seconds.
+    """
+    counts = dict.fromkeys(contenders, 1)
+    if not once:
+        for name, call in contenders.items():
+            call()
+            begin = clock()
+            call()
+            spent = max(clock() - begin, 1e-6)
+            counts[name] = max(1, int(turn / spent)) if before is None else 1
+    names = list(contenders)
+    times = {name: np.empty(rounds) for name in names}
+    for this in range(rounds):
+        first = this % len(names)
+        for name in names[first:] + names[:first]:
+            if before is not None:
+                before()
+            call, count = contenders[name], counts[name]
+            begin = clock()
             for _ in range(count):
                 call()
-            times[i, repeat] = (time.process_time() - begin) / count
-    return row(name, peer_name, target, *times)
+            times[name][this] = (clock() - begin) / count
+    return times
 
 
-def row(
-    name: str,
-    peer: str,
-    target: float,
-    theirs: NDArray[np.float64],
-    ours: NDArray[np.float64],
-    *,
-    note: str = "",
-) -> Row:
-    """The ratio of median times with a 95 % bootstrap interval over the turns, and what else is worth knowing."""
-    pick = np.random.default_rng(0).integers(0, len(ours), (2000, len(ours)))
+def ratio(theirs: Seconds, ours: Seconds) -> tuple[float, float, float]:
+    """How many times faster we are: the ratio of medians, and its 95 % bootstrap interval over the rounds."""
+    pick = np.random.default_rng(0).integers(0, len(ours), (_RESAMPLES, len(ours)))
     ratios = np.median(theirs[pick], axis=1) / np.median(ours[pick], axis=1)
     low, high = np.quantile(ratios, (0.025, 0.975))
-    ratio = float(np.median(theirs) / np.median(ours))
-    return {
-        "name": name,
-        "peer": peer,
-        "ratio": ratio,
-        "ratio_low": float(low),
-        "ratio_high": float(high),
-        "target": target,
-        "met": bool(low >= target),
-        "note": note,
-    }
+    return float(np.median(theirs) / np.median(ours)), float(low), float(high)
+
+
+def exponent(sizes: Sequence[float], seconds: NDArray[np.float64]) -> tuple[float, float, float]:
+    """How cost grows, as a power of the size, with a 95 % bootstrap interval over the rounds.
+
+    Args:
+        sizes: (n,) how large.
+        seconds: (rounds, n) what it cost.
+    """
+    logs = np.log(np.asarray(sizes, dtype=float))
+    pick = np.random.default_rng(0).integers(0, len(seconds), (_RESAMPLES, len(seconds)))
+    slopes = np.polyfit(logs, np.log(np.median(seconds[pick], axis=1)).T, 1)[0]
+    low, high = np.quantile(slopes, (0.025, 0.975))
+    return float(np.polyfit(logs, np.log(np.median(seconds, axis=0)), 1)[0]), float(low), float(high)
+
+
+@contextlib.contextmanager
+def pinned(*, pin: bool) -> Iterator[None]:
+    """Keep this process, and those that it starts, on one core while this lasts; or on all that it was given."""
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {max(GIVEN)} if pin else GIVEN)
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def command(arguments: Sequence[str], **environment: str) -> tuple[float, float]:
+    """Run a command to its end: seconds by the clock, and of processors, its children's included.
+
+    Raises:
+        RuntimeError: If it fails; with the end of what it said.
+    """
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    begin = time.perf_counter()
+    done = subprocess.run(arguments, capture_output=True, text=True, env={**os.environ, **environment})
+    wall = time.perf_counter() - begin
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(arguments)} failed: {(done.stdout + done.stderr)[-500:]}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -1,138 +1,174 @@
-"""How fast does the student see? The pixel kernel and the modelling loop against their peers.
+"""Which of K requested pixels does a model darken? The project's kernel against everybody who can answer.
 
-Ours and a peer's turns alternate, so that a neighbour's load falls on both; the ratio is peer time / our time.
+Time is that of one model in one camera. The kernel and its rival in C go through many models in a compiled loop, as
+modelling does; the others are called from Python, which is how they are had.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
-from pybullet_utils.bullet_client import BulletClient
 
-from benchmarks.measure import Row, against, row
-from testbed.student.parameters import TeacherModellingParameters
-from testbed.student.seeing.teacher_modelling import Modelling
-from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE, StereoRig, render
-from testbed.vision.kernel import cover
+from benchmarks.eyes import Look, MissingError, bullet, embree, lanes, mujoco_eyes, numpy_rays
+from benchmarks.measure import Settings, interleaved
+from benchmarks.row import Row, faster, left_out
+from benchmarks.scenes import RIG, models, pixels, rays
+from testbed.vision import luminosity
+from testbed.vision._jit import compiled
+from testbed.vision.kernel import PART_LUMINOSITY, WHITE, cover
 
-RIG = StereoRig()
-PARTS = np.array(
-    [
-        [CUBOID, -0.1, 0.1, 0.9, 0.3, 0.14, 0.11, 0.05],
-        [CAPPED_CYLINDER, 0.1, 0.06, 0.9, -0.4, 0.01, 0.2, 0.0],
-        [SPHERE, 0.2, 0.0, 0.9, 0.0, 0.05, 0.0, 0.0],
-    ]
-)
-PIXELS = 1000
+PIXELS = (10, 100, 1000, 7500)
+JUDGED = 1000
+PARTS = 3
+FUSED, PLAIN = "hand-vectorised C, fused", "hand-vectorised C, rounded alike"
+PUBLIC = "the project's function `luminosity`"
+TARGETS = {
+    "PyBullet TinyRenderer, bodies rebuilt": 200.0,
+    "PyBullet rayTestBatch, bodies rebuilt": 100.0,
+    "MuJoCo mj_multiRay": 30.0,
+    "NumPy": 35.0,
+    PLAIN: 1 / 3,
+    FUSED: 1 / 3,
+}
+"""At 1000 pixels: a ratio of 1/3 is three times slower."""
+_FLUSHED = 1 << 26  # bytes, more than any cache keeps
+_LEAST = 0.97  # of all pixels on which a peer must agree, or it has not done the same work
 
 
-def rows() -> list[Row]:
-    """Every measurement of this file, as rows of benchmarks/results.json."""
-    pixels = np.random.default_rng(0).permutation(RIG.width * RIG.height)[:PIXELS]
-    rays = RIG.rays().reshape(-1, 2)[pixels]
-    ours = kernel(rays.astype(np.float32))
-    bullet = BulletClient(pybullet.DIRECT)
+def rows(settings: Settings) -> Iterator[Row]:
+    """Every number of pixels against every peer, and one of them with cold caches."""
+    for count in PIXELS:
+        yield from compared(count, settings)
+    yield from cold(settings)
+
+
+def compared(count: int, settings: Settings) -> Iterator[Row]:
+    """Everybody at ``count`` pixels in the same rounds."""
+    made, missing = contenders(count)
+    times = interleaved({name: call for name, (call, _) in made.items()}, settings.rounds)
+    each = {name: times[name] / made[name][1] for name in made}
+    for name in made:
+        if name == OURS:
+            continue
+        target = TARGETS.get(name) if count == JUDGED else None
+        note = "two cameras and the checks of its arguments" if name == PUBLIC else ""
+        if name in (PLAIN, FUSED):
+            note = lanes.registers()
+        yield faster(_name(count), name, each[name], each[OURS], target, note=note)
+    for name, why in missing.items():
+        yield left_out(_name(count), name, why)
+
+
+OURS = "kernel"
+
+
+def contenders(count: int) -> tuple[dict[str, tuple[Callable[[], object], int]], dict[str, str]]:
+    """What each does in a call and how many models that are; and who is not here, and why."""
+    chosen, scenes = pixels(count), models(PARTS)
+    seen, eye = rays(chosen), RIG.eyes[0]
+    expected = kernel(scenes, seen, eye)()
+    made: dict[str, tuple[Callable[[], object], int]] = {OURS: (kernel(scenes, seen, eye), len(scenes))}
+    missing: dict[str, str] = {}
+    opened: dict[str, Callable[[], Look]] = {
+        "NumPy": partial(numpy_rays.open_eye, seen, eye),
+        "NumPy, float32": partial(numpy_rays.open_eye, seen, eye, np.float32),
+        "PyBullet TinyRenderer, bodies rebuilt": partial(bullet.open_renderer, eye, chosen, RIG),
+        "PyBullet rayTestBatch, bodies rebuilt": partial(bullet.open_rays, seen, eye),
+        "MuJoCo mj_multiRay": partial(mujoco_eyes.open_rays, seen, eye, PARTS, RIG),
+        "MuJoCo EGL": partial(mujoco_eyes.open_renderer, eye, PARTS, chosen, RIG),
+        "Embree, tree rebuilt": partial(embree.open_eye, seen, eye),
+    }
+    for name, way in opened.items():
+        try:
+            look = way()
+        except MissingError as why:
+            missing[name] = str(why)
+            continue
+        agreement(name, look, scenes, expected)
+        made[name] = (one_by_one(look, scenes), 1)
+    for name, fused in ((PLAIN, False), (FUSED, True)):
+        try:
+            all_of_them = lanes.open_eye(seen, eye, fused=fused)
+        except MissingError as why:
+            missing[name] = str(why)
+            continue
+        same = np.mean(all_of_them(scenes) == expected)
+        assert same == 1.0 if not fused else same > 0.999, f"{name} agrees on {same:.4%}"
+        made[name] = (partial(all_of_them, scenes), len(scenes))
+    grid = np.column_stack([chosen % RIG.width, chosen // RIG.width])
+    made[PUBLIC] = (one_by_one(lambda model: luminosity(model, RIG, grid), scenes), 1)
+    return made, missing
+
+
+def agreement(name: str, look: Look, scenes: NDArray[np.float64], expected: NDArray[np.uint8]) -> None:
+    """Edges of facets and of pixels aside, a peer must see the same."""
+    same = np.mean([np.mean(look(model) == wanted) for model, wanted in zip(scenes, expected, strict=True)])
+    assert same > _LEAST, f"{name} agrees on {same:.2%} of the pixels only"
+
+
+def one_by_one(
+    look: Callable[[NDArray[np.float64]], object], scenes: NDArray[np.float64]
+) -> Callable[[], object]:
+    """Another model at each call."""
+    endless = itertools.cycle(list(scenes))
+    return lambda: look(next(endless))
+
+
+def kernel(
+    scenes: NDArray[np.float64], seen: NDArray[np.float64], eye: float
+) -> Callable[[], NDArray[np.uint8]]:
+    """The project's kernel, once for all models."""
+    dx, dy = np.ascontiguousarray(seen.T.astype(np.float32))
+    out = np.empty((len(scenes), len(dx)), np.uint8)
+
+    def look() -> NDArray[np.uint8]:
+        look_at_all(scenes, eye, dx, dy, out)
+        return out
+
+    return look
+
+
+@compiled
+def look_at_all(
+    scenes: NDArray[np.float64],
+    eye: float,
+    dx: NDArray[np.float32],
+    dy: NDArray[np.float32],
+    out: NDArray[np.uint8],
+) -> None:
+    """The luminosities ``out`` (n, K) of the rays (K,) for each of the models (n, k, 8)."""
+    row = np.empty(dx.size, np.uint8)
+    for m in range(scenes.shape[0]):
+        seen = out[m]
+        for i in range(row.size):
+            seen[i] = WHITE
+        for k in range(scenes.shape[1]):
+            cover(scenes[m, k], eye, dx, dy, row)
+            for i in range(row.size):
+                seen[i] = PART_LUMINOSITY if row[i] else seen[i]
+
+
+def cold(settings: Settings) -> Iterator[Row]:
+    """One model after the caches were filled with something else."""
+    seen, scene, eye = rays(pixels(JUDGED)), models(PARTS, 1), RIG.eyes[0]
+    calls: dict[str, Callable[[], object]] = {
+        OURS: kernel(scene, seen, eye),
+        "NumPy": partial(numpy_rays.open_eye(seen, eye), scene[0]),
+    }
     try:
-        peers = [
-            ("NumPy, vectorised", 10.0, 20, partial(with_numpy, rays)),
-            ("PyBullet rayTestBatch, bodies rebuilt", 100.0, 1, partial(with_rays, bullet, rays)),
-            ("PyBullet TinyRenderer, bodies rebuilt", 100.0, 1, partial(with_renderer, bullet)),
-        ]
-        compared = [
-            against(f"{PIXELS} pixels of 3 parts", name, target, ours, peer, turns=turns)
-            for name, target, turns, peer in peers
-        ]
-    finally:
-        bullet.disconnect()
-    return [*compared, whole_run()]
+        calls[PLAIN] = partial(lanes.open_eye(seen, eye, fused=False), scene)
+    except MissingError as why:
+        yield left_out(f"{_name(JUDGED)}, caches cold", PLAIN, str(why))
+    flushed = np.zeros(_FLUSHED, np.uint8)
+    times = interleaved(calls, 3 * settings.rounds, before=lambda: flushed.__iadd__(1))
+    for name in calls:
+        if name != OURS:
+            yield faster(f"{_name(JUDGED)}, caches cold", name, times[name], times[OURS])
 
 
-def kernel(rays: NDArray[np.float32]) -> Callable[[], object]:
-    """The luminosities of the pixels for one model and one camera, as the modelling loop asks for them."""
-    dx, dy = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
-    row, dark = np.empty(len(rays), np.uint8), np.empty(len(rays), np.uint8)
-
-    def see() -> NDArray[np.uint8]:
-        dark[:] = 0
-        for part in PARTS:
-            cover(part, RIG.eyes[0], dx, dy, row)
-            np.bitwise_or(dark, row, out=dark)
-        return np.where(dark, 96, 255)
-
-    return see
-
-
-def with_numpy(rays: NDArray[np.float64]) -> NDArray[np.int64]:
-    dark = np.zeros(len(rays), bool)
-    x, y = rays.T
-    for shape, px, py, z, omega, d1, d2, d3 in PARTS:
-        c, s, cx = np.cos(omega), np.sin(omega), px - RIG.eyes[0]
-        if shape == CUBOID:
-            ox, oy, ax, ay = x * c + y * s, y * c - x * s, cx * c + py * s, py * c - cx * s
-            with np.errstate(divide="ignore"):
-                bounds = [((ax - d1 / 2) / ox, (ax + d1 / 2) / ox), ((ay - d3 / 2) / oy, (ay + d3 / 2) / oy)]
-            enter = np.maximum.reduce(
-                [np.minimum(*b) for b in bounds] + [np.full_like(x, max(z - d2 / 2, 0.0))]
-            )
-            leave = np.minimum.reduce([np.maximum(*b) for b in bounds] + [np.full_like(x, z + d2 / 2)])
-            dark |= enter <= leave
-        else:
-            half = d2 / 2 if shape == CAPPED_CYLINDER else 0.0
-            a = np.stack([y * z - py, cx - x * z, x * py - y * cx])
-            b = np.stack([np.full_like(x, -s), np.full_like(x, c), x * s - y * c])
-            along = np.clip(-(a * b).sum(0) / (b * b).sum(0), -half, half)
-            dark |= ((a + along * b) ** 2).sum(0) <= d1 * d1 * (x * x + y * y + 1.0)
-    return np.where(dark, 96, 255)
-
-
-def build(bullet: BulletClient, *, collide: bool) -> None:
-    """The parts as bodies: a mutation changes sizes, and a body's size cannot be changed in place."""
-    bullet.resetSimulation()
-    for shape, x, y, z, omega, d1, d2, d3 in PARTS:
-        kind: dict[str, object] = {"shapeType": bullet.GEOM_SPHERE, "radius": d1}
-        turn = bullet.getQuaternionFromEuler((0.0, omega, 0.0))
-        if shape == CUBOID:
-            kind = {"shapeType": bullet.GEOM_BOX, "halfExtents": (d1 / 2, d2 / 2, d3 / 2)}
-        elif shape == CAPPED_CYLINDER:
-            kind = {"shapeType": bullet.GEOM_CAPSULE, "radius": d1, "height" if collide else "length": d2}
-            turn = bullet.getQuaternionFromEuler((0.0, omega + np.pi / 2.0, 0.0))
-        collision = bullet.createCollisionShape(**kind) if collide else -1
-        visual = -1 if collide else bullet.createVisualShape(**kind)
-        bullet.createMultiBody(0, collision, visual, (x, z, -y), turn)
-
-
-def with_rays(bullet: BulletClient, rays: NDArray[np.float64]) -> NDArray[np.int64]:
-    build(bullet, collide=True)
-    start = np.tile([RIG.eyes[0], 0.0, 0.0], (len(rays), 1))
-    ahead = np.column_stack([rays[:, 0], np.ones(len(rays)), -rays[:, 1]])
-    hits = bullet.rayTestBatch(start.tolist(), (start + 5.0 * ahead).tolist())
-    return np.where([hit[0] >= 0 for hit in hits], 96, 255)
-
-
-def with_renderer(bullet: BulletClient) -> NDArray[np.int64]:
-    build(bullet, collide=False)
-    vertical = np.degrees(2.0 * np.arctan(RIG.height / 2.0 / RIG.focal))
-    projection = bullet.computeProjectionMatrixFOV(vertical, RIG.width / RIG.height, 0.01, 10.0)
-    view = bullet.computeViewMatrix((RIG.eyes[0], 0, 0), (RIG.eyes[0], 1, 0), (0, 0, 1))
-    image = bullet.getCameraImage(RIG.width, RIG.height, view, projection, renderer=bullet.ER_TINY_RENDERER)
-    return np.where(np.ravel(image[4]) >= 0, 96, 255)
-
-
-def whole_run() -> Row:
-    """3000 passes of the estimation-exploration algorithm in seconds, against 1.5."""
-    images = render(PARTS, RIG)
-    seconds = []
-    for seed in range(8):  # the first compiles, or loads what was compiled
-        begin = time.perf_counter()
-        modelling = Modelling(RIG, 3, TeacherModellingParameters(), np.random.default_rng(seed))
-        for _ in range(3):
-            modelling.observe(*images)
-        seconds.append(time.perf_counter() - begin)
-    ours = np.array(seconds[1:])
-    name = "teacher modelling, 3000 passes"
-    return row(name, "target seconds", 1.0, np.full_like(ours, 1.5), ours)
+def _name(count: int) -> str:
+    return f"luminosity of {count} pixels, {PARTS} parts"

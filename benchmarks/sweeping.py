@@ -7,14 +7,18 @@ import hashlib
 import multiprocessing
 import tempfile
 import time
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from benchmarks.measure import Row, row
-from testbed.experiment.executor import Compute, Progress
+from benchmarks.measure import Settings, pinned, ratio
+from benchmarks.row import Row, faster, within
+from testbed.experiment.executor import Compute, Executor, InProcessExecutor, Progress
 from testbed.experiment.jobs import Job
+from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.record import TrialResult
 from testbed.experiment.runner import run
 from testbed.scenario import Scenario, parse_scenario
@@ -36,15 +40,14 @@ sweep:
 """
 
 
-def rows() -> list[Row]:
-    """Every measurement of this file, as rows of benchmarks/results.json."""
-    return [overhead(), two_cores()]
-
-
-def overhead() -> Row:
-    """From the first cell to the written verdicts.json, work that takes no time, in seconds a cell, against .05."""
-    ours = np.array([_seconds(trivial, 1) / CELLS for _ in range(5)])
-    return row("overhead a cell of a sweep", "target seconds", 1.0, np.full_like(ours, MOST_OVERHEAD), ours)
+def rows(settings: Settings) -> Iterator[Row]:
+    """Overhead on one core; then both."""
+    cells = np.array([seconds_of(_sweep(), trivial, InProcessExecutor()) / CELLS for _ in range(5)])
+    yield within(
+        "overhead a cell of a sweep", MOST_OVERHEAD, cells, note="by the clock, to the written verdicts.json"
+    )
+    with pinned(pin=False):
+        yield two_cores()
 
 
 def two_cores() -> Row:
@@ -55,14 +58,17 @@ def two_cores() -> Row:
     """
     compute = functools.partial(burning, HASHES)
     seconds = np.array([[*_sweeps(compute), *_bare(HASHES)] for _ in range(ROUNDS)]).T
-    bare = row("", "", SPEED_UP, seconds[2], seconds[3])
-    note = f"two plain processes: {bare['ratio']:.2f} ({bare['ratio_low']:.2f} to {bare['ratio_high']:.2f})"
-    return row("a sweep on two cores", "one core", SPEED_UP, seconds[0], seconds[1], note=note)
+    middle, low, high = ratio(seconds[2], seconds[3])
+    note = f"by the clock; two plain processes here: {middle:.2f} ({low:.2f} to {high:.2f})"
+    return faster(
+        "a sweep of 200 cells on two cores", "one core", seconds[0], seconds[1], SPEED_UP, note=note
+    )
 
 
 def _sweeps(compute: Compute) -> tuple[float, float]:
     """Seconds of the sweep in one process and in two."""
-    return _seconds(compute, 1), _seconds(compute, 2)
+    one, two = InProcessExecutor(), ProcessExecutor(2)
+    return seconds_of(_sweep(), compute, one), seconds_of(_sweep(), compute, two)
 
 
 def _bare(hashes: int) -> tuple[float, float]:
@@ -88,7 +94,7 @@ def _hash(hashes: int, times: int = 1) -> None:
 def trivial(job: Job, progress: Progress) -> TrialResult:
     """Verdicts that follow from the job alone."""
     rng = np.random.default_rng([job.trial, *hashlib.sha256(job.cell.encode()).digest()[:4]])
-    found = []
+    found: list[dict[str, Any]] = []
     for index, truth in enumerate(("appropriate", "inappropriate")):
         score = float(rng.normal(1 - index))
         verdict = "appropriate" if score > 0.5 else "inappropriate"
@@ -109,11 +115,11 @@ def _sweep() -> Scenario:
     return parse_scenario(SWEEP)
 
 
-def _seconds(compute: Compute, workers: int) -> float:
-    scenario = _sweep()
+def seconds_of(scenario: Scenario, compute: Compute, executor: Executor) -> float:
+    """A run of the scenario, from the first trial to the written verdicts.json, by the clock."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        outcome = run(scenario, out=Path(folder) / "run", workers=workers, compute=compute)
+        outcome = run(scenario, out=Path(folder) / "run", executor=executor, compute=compute)
         seconds = time.perf_counter() - begin
-    assert len(outcome.verdicts["cells"]) == CELLS
+    assert not outcome.failed
     return seconds

@@ -1,0 +1,1 @@
+"""Who else can say where a body comes to rest or how it moves: a bare loop around PyBullet, and MuJoCo."""
