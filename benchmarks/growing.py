@@ -15,10 +15,10 @@ from benchmarks.row import Row, in_words, measured
 from benchmarks.scenes import MODELS, RIG, models, pixels, rays
 from benchmarks.seeing import kernel
 from benchmarks.trials import SEED
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Joint, Morphology
 from testbed.experiment.executor import InProcessExecutor
 from testbed.experiment.process_executor import ProcessExecutor
 from testbed.experiment.trial import run_trial
-from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology
 from testbed.scenario import Scenario, load_scenario, parse_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.settling import Settler

@@ -16,7 +16,7 @@ from benchmarks.bodies.in_mujoco import MuJoCoBody, up_of
 from benchmarks.eyes import MissingError
 from benchmarks.measure import Seconds, Settings, interleaved
 from benchmarks.row import Row, faster, left_out, measured
-from testbed.morphology import Morphology, Vector, load_robot
+from testbed.bodies.morphology import Morphology, Vector, load_robot
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_discovery import random_genome
 from testbed.student.body.self_model import BodyPrior, self_model

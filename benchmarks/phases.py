@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.measure import Settings, interleaved
 from benchmarks.row import Row, within
 from benchmarks.trials import SEED
+from testbed.bodies.morphology import load_robot
 from testbed.experiment.trial import live, senses_of, silent, student_of
 from testbed.experiment.witness import Witness
-from testbed.morphology import load_robot
 from testbed.scenario import load_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_discovery import evolve_self_model, random_commands

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.parts import Vector
+from testbed.bodies.parts import Vector
 
 
 def translation(x: float, y: float, z: float) -> Vector:

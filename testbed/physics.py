@@ -18,8 +18,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Morphology, Sphere, Vector
 from testbed.frames import tilt_of
-from testbed.morphology import Morphology, Sphere, Vector
 from testbed.physics_bodies import Body, load_body, picture, unload, unseen
 from testbed.silence import silence
 
@@ -58,6 +58,7 @@ class Simulation:
         self.client = pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[str, Body] = {}
         self._locked: dict[str, dict[str, float]] = {}
+        self._told: dict[str, bytes] = {}  # the targets that the servos have
         pybullet.setGravity(0, 0, -self.spec.gravity, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self.spec.step,
@@ -117,6 +118,7 @@ class Simulation:
     def remove(self, name: str) -> None:
         """Take a body out of the world."""
         self._locked.pop(name, None)
+        self._told.pop(name, None)
         unload(self.client, self._bodies.pop(name))
 
     def replace(self, name: str, morphology: Morphology) -> None:
@@ -134,6 +136,7 @@ class Simulation:
     def lock(self, name: str, joint: str) -> None:
         """Seize a joint where it is: whatever is commanded, it stays there, until the body is reset."""
         index = list(self._bodies[name].morphology.joints).index(joint)
+        self._told.pop(name, None)
         self._locked.setdefault(name, {})[joint] = float(self.joints(name)[index])
 
     def push(self, name: str, velocity: tuple[float, float]) -> None:
@@ -156,6 +159,7 @@ class Simulation:
         pybullet.performCollisionDetection(physicsClientId=self.client)
         for name in names:
             self._locked.pop(name, None)
+            self._told.pop(name, None)
             body = self._bodies[name]
             rest = body.morphology.rest
             self.pose(name, np.array([*body.start[0], *body.start[1]]), rest)
@@ -181,8 +185,12 @@ class Simulation:
     def command(self, name: str, targets: NDArray[np.floating]) -> None:
         """Set the servos' targets (rad); each turns there with its own finite torque and speed.
 
-        A servo whose target is NaN is off: nothing holds its joint.
+        A servo whose target is NaN is off: nothing holds its joint. Bullet is not told again what it was told before.
         """
+        told = targets.tobytes()
+        if self._told.get(name) == told:
+            return
+        self._told[name] = told
         body, locked = self._bodies[name], self._locked.get(name, {})
         servos = zip(
             body.morphology.joints, body.motors, targets.tolist(), body.torques, body.speeds, strict=True
@@ -210,15 +218,10 @@ class Simulation:
     def follow(
         self, name: str, targets: NDArray[np.floating], substeps: int
     ) -> Iterator[tuple[tuple[float, ...], list[float]]]:
-        """Give a body targets (steps, joints), rad, each for so many physics steps; yields base and joints after each.
-
-        What Bullet need not be told or asked is left out: a servo keeps its target.
-        """
+        """Give a body targets (steps, joints), rad, each for so many physics steps; yields base and joints."""
         body, client = self._bodies[name], self.client
-        new = np.any(targets != np.roll(targets, 1, axis=0), axis=1).tolist()
-        for step, target in enumerate(targets):
-            if step == 0 or new[step]:
-                self.command(name, target)
+        for target in targets:
+            self.command(name, target)
             for _ in range(substeps):
                 pybullet.stepSimulation(client)
             position, orientation = pybullet.getBasePositionAndOrientation(body.number, client)

@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Mesh, Morphology
-from testbed.parts import Texture
+from testbed.bodies.morphology import Mesh, Morphology
+from testbed.bodies.parts import Texture
+from testbed.bodies.urdf import to_urdf, write_urdf
 from testbed.silence import silence
-from testbed.urdf import to_urdf, write_urdf
 
 with silence():  # importing it prints its build time
     import pybullet
@@ -151,7 +151,7 @@ def picture(
         light: Keyword arguments of ``pybullet.getCameraImage`` about lighting.
 
     Returns:
-        Colours (height, width, 3) and where a body is seen (height, width).
+        Colours (height, width, 4), of which the last number means nothing, and where a body is seen (height, width).
     """
     _, _, colours, _, bodies = pybullet.getCameraImage(
         width,
@@ -162,8 +162,8 @@ def picture(
         physicsClientId=client,
         **light,
     )
-    rgb = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)[..., :3]
-    return rgb, np.asarray(bodies).reshape(height, width) >= 0
+    rgba = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)
+    return rgba, np.asarray(bodies).reshape(height, width) >= 0
 
 
 def _floor(client: int, number: int, place: tuple[float, float], height: float, friction: float) -> int:

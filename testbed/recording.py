@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError, did_you_mean
-from testbed.morphology import Vector
 
 RECORDING_SUFFIXES = (".csv", ".parquet")
 LARGEST_RECORDING = 1 << 24  # bytes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from testbed.bodies.morphology import Morphology
 from testbed.hardware.bench_file import PAN, RIG
 from testbed.hardware.calibration.records import (
     JointCalibration,
@@ -19,7 +20,6 @@ from testbed.hardware.emulation.mounting import Mounting
 from testbed.hardware.emulation.servos import Servo
 from testbed.hardware.emulation.truth import true_backdrop, true_calibration
 from testbed.hardware.rig.backdrop import save_backdrop
-from testbed.morphology import Morphology
 from testbed.scenario import Scenario, load_scenario, with_overrides
 from testbed.vision.camera import StereoRig
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.motion import Watched
 from testbed.student.seeing.alternatives import own_limbs
 from testbed.student.seeing.articulated import describe, lay_out

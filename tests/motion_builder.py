@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector, load_robot
+from testbed.bodies.morphology import Morphology, Vector, load_robot
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.settling import Settler
 from testbed.student.motion import TeacherMotion

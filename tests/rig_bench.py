@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import load_robot
 from testbed.hardware.emulation.cameras import emulated_pair
 from testbed.hardware.emulation.lens import RigTruth, built_rig
 from testbed.hardware.emulation.scenes import RobotScene
 from testbed.hardware.emulation.truth import true_backdrop, true_calibration
 from testbed.hardware.rig.stereo_rig import StereoRig
-from testbed.morphology import load_robot
 from testbed.physics import Simulation
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 from testbed.vision.camera import StereoRig as StudentRig
 
 EYES = StudentRig()

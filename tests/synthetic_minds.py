@@ -21,8 +21,8 @@ from synthetic_run import (
     truth_parts,
 )
 
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.experiment.verdicts import document, write
-from testbed.morphology import Morphology, load_robot
 from testbed.scenario import cell_names, drawn, in_cell, parse_scenario, resolve
 from testbed.vision import StereoRig, render
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Cuboid, Morphology, Sphere, load_robot
 from testbed.experiment.verdicts import document, write
-from testbed.morphology import Cuboid, Morphology, Sphere, load_robot
 from testbed.vision import StereoRig, render
 
 Array = NDArray[Any]

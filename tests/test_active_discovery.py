@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_settling import prior_of
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.physics import Simulation
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.commands import CommandParameters, worth_of

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from test_settling import prior_of
 
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.experiment.self_report import damage_row
 from testbed.experiment.trial import run_trial
-from testbed.morphology import Morphology, load_robot
 from testbed.scenario import Scenario, parse_scenario
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.damage_report import DamageKind, DamageReport

@@ -15,13 +15,13 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import testbed
+from testbed.bodies.morphology import Morphology, load_robot
+from testbed.bodies.parts import CappedCylinder, Cuboid
 from testbed.errors import UserError
-from testbed.morphology import Morphology, load_robot
-from testbed.parts import CappedCylinder, Cuboid
 from testbed.physics import Simulation
 from testbed.scenario import RigSpec, Scenario, check, load_scenario
-from testbed.scenario_specs import LightSpec
-from testbed.scenario_student import DamageSpec
+from testbed.scenario.specs import LightSpec
+from testbed.scenario.student import DamageSpec
 from testbed.vision.noise import QuickNoise
 from testbed.world.analytic import AnalyticRenderer, solids_of
 from testbed.world.bullet import IMAGE, SimulatedBackend, eyes

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Vector, load_robot
 from testbed.experiment.trial import run_trial, senses_of, student_of
 from testbed.experiment.witness import Witness
-from testbed.morphology import Vector, load_robot
 from testbed.scenario import parse_scenario, with_overrides
 from testbed.student.insider import Insider, insight
 from testbed.student.methods import METHODS

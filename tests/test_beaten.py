@@ -11,7 +11,7 @@ import pybullet
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import load_robot
+from testbed.bodies.morphology import load_robot
 from testbed.physics import Simulation
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_discovery import evolve_self_model, mutate, random_genome, tilt_error

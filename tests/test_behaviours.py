@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Vector, load_robot
 from testbed.errors import UserError
-from testbed.morphology import Vector, load_robot
 from testbed.physics import Simulation
 from testbed.recording import read_recording
 from testbed.scenario import GaitSpec, Scenario, check, content_hash, drawn, load_scenario, parse_scenario

@@ -25,8 +25,8 @@ from benchmarks.eyes import MissingError, mujoco_eyes, numpy_rays
 from benchmarks.measure import Settings, exponent, interleaved, ratio
 from benchmarks.row import Row, faster, left_out, measured, within
 from benchmarks.scenes import RIG, models, pixels, rays
+from testbed.bodies.morphology import load_robot
 from testbed.experiment.trial import run_trial
-from testbed.morphology import load_robot
 from testbed.scenario import load_scenario, parse_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.settling import Settler

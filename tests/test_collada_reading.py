@@ -13,8 +13,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.meshes import load_mesh
 from testbed.errors import UserError
-from testbed.meshes import load_mesh
 from testbed.physics import Simulation
 
 DATA = Path(pybullet_data.getDataPath())

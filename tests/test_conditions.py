@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbed.experiment.conditions import Condition, conditions_of, finding, share_difference
-from testbed.scenario_points import Point
+from testbed.scenario.points import Point
 
 CONTROL = Point("control", "sweep", {"size": 1}, ())
 

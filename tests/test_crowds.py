@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import load_robot
 from testbed.experiment.trial import run_trial, student_of
 from testbed.experiment.trial_report import match
 from testbed.experiment.truth import is_like
-from testbed.morphology import load_robot
 from testbed.report.words import in_the_way
 from testbed.resources import robot_names
 from testbed.scenario import check, drawn, load_scenario, parse_scenario

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_settling import prior_of
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.damage import SelfCheck, Surprise
 from testbed.student.body.damage_report import DamageReport, carried_by, damaged

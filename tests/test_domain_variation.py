@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError
-from testbed.morphology import Vector
 from testbed.scenario import check, drawn, parse_scenario
-from testbed.scenario_variation import chance
+from testbed.scenario.variation import chance
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
 from testbed.world.flaws import Lag
@@ -295,7 +295,7 @@ def test_a_rig_that_looks_all_around_must_not_see_its_own_student() -> None:
 
 
 def test_textures_have_their_pattern_and_keep_their_mean() -> None:
-    from testbed.parts import Texture
+    from testbed.bodies.parts import Texture
     from testbed.physics_bodies import pattern
 
     for name, patches in (("stripes", 4), ("checks", 8), ("speckles", 32)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from films import RIG, film
 
-from testbed.morphology import Morphology, load_robot
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.student.motion import Watched
 from testbed.student.parameters import EmbodiedParameters, FittingParameters
 from testbed.student.seeing.alternatives import alternatives, own_limbs

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from simavr_needed import simavr_or_skip
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
 from testbed.frames import tilt_of
 from testbed.hardware.bench_file import RIG
 from testbed.hardware.calibration.records import tilt_from
 from testbed.hardware.emulation.mounting import Mounting, felt
 from testbed.hardware.emulation.servos import SILENCE, Servo, Servos
-from testbed.morphology import load_robot
 from testbed.physics import Simulation
 from testbed.scenario import Scenario, drawn, load_scenario, parse_scenario
 from testbed.world.placement import STUDENT

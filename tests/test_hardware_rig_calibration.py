@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Vector
 from testbed.frames import rotation_about
 from testbed.hardware.calibration.board_check import check_rig, pitch_of
 from testbed.hardware.calibration.charuco import BoardDetector, BoardView, CharucoSpec
@@ -32,7 +33,6 @@ from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.emulation.truth import true_calibration, true_geometry
 from testbed.hardware.failures import CalibrationForeign, CalibrationStale, NotCalibrated, RigMoved
 from testbed.hardware.prompt import Question, nothing
-from testbed.morphology import Vector
 
 BOARD = CharucoSpec()
 SIZE = (640, 480)

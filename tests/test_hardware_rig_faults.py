@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rig_bench import EYES, Bench, Clock
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
 from testbed.hardware.emulation.cameras import emulated_pair, swap
 from testbed.hardware.emulation.lens import built_rig
@@ -24,9 +25,8 @@ from testbed.hardware.failures import (
     RigMoved,
 )
 from testbed.hardware.rig.stereo_rig import StereoRig
-from testbed.morphology import load_robot
 from testbed.physics import Simulation
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from testbed.hardware.failures import (
 )
 from testbed.hardware.rig.rectification import Rectification
 from testbed.hardware.rig.stereo_rig import StereoRig
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 from testbed.vision import SPHERE
 
 

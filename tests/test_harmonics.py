@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.moving.harmonics import design, fit_harmonics, unwrapped
 from testbed.student.parameters import HarmonicsParameters
 

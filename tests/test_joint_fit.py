@@ -10,7 +10,7 @@ from films import RIG, film
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbed.morphology import Morphology, load_robot
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.student.moving.rolls import headings, roll_of
 from testbed.student.parameters import FittingParameters, JointFitParameters
 from testbed.student.seeing._bundle import costs, linearised

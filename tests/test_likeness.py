@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.experiment.truth import parts_in_view
-from testbed.morphology import Morphology, load_robot
 from testbed.student.judging.likeness import by_attachment, by_likelihood, decided, hinges
 from testbed.student.motion import TeacherMotion
 from testbed.student.parameters import Calibration, LikenessParameters

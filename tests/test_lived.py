@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.errors import UserError
 from testbed.experiment.diary import Diary, Told
 from testbed.experiment.lived import EndOfRecordError, Lived, resting_place
@@ -22,7 +23,6 @@ from testbed.experiment.trial_report import _perform_arrays
 from testbed.experiment.witness import Witness
 from testbed.hardware.failures import LinkLost
 from testbed.hardware.journal import Step
-from testbed.morphology import Morphology, load_robot
 from testbed.scenario import Scenario, drawn, load_scenario
 from testbed.world.backend import Backend
 from testbed.world.env import World

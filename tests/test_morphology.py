@@ -11,11 +11,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Sphere, load_robot
+from testbed.bodies.urdf import to_urdf
 from testbed.errors import UserError
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Sphere, load_robot
 from testbed.physics import Simulation
 from testbed.resources import robot_names
-from testbed.urdf import to_urdf
 
 lengths = st.floats(0.005, 0.5)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import load_robot
+from testbed.bodies.morphology import load_robot
 from testbed.physics import PhysicsSpec, Simulation, tilt_of
 
 

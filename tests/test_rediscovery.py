@@ -9,7 +9,7 @@ import pytest
 from test_damage import NOISE
 from test_settling import prior_of
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.damage_report import DamageKind, DamageReport, suffered
 from testbed.student.body.genomes import Foresight, Genomes, body_of

@@ -19,7 +19,7 @@ from motion_builder import (
 )
 from scipy.special import expit
 
-from testbed.morphology import Joint, Morphology, Vector
+from testbed.bodies.morphology import Joint, Morphology, Vector
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.settling import Settler
 from testbed.student.moving.harmonics import fit_harmonics

@@ -58,7 +58,7 @@ def test_a_trial_comes_out_again_as_it_was(lived: Path, say: Any) -> None:
 
 
 def test_a_verdict_that_was_altered_is_told(lived: Path, say: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from testbed import cli_replay
+    from testbed.cli import replay as cli_replay
 
     truly = cli_replay._recorded
 

@@ -17,8 +17,8 @@ import synthetic_run
 from matplotlib.figure import Figure
 from synthetic_run import CONTROL_STEP, LOOKS, PERFORM_START, PERFORM_STEPS, Story, write_synthetic_run
 
+from testbed.bodies.morphology import Morphology
 from testbed.errors import UserError
-from testbed.morphology import Morphology
 from testbed.report.claims import claims
 from testbed.report.desk import Desk
 from testbed.report.figures import figure_7

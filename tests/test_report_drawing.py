@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.path import Path as Path2D
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import load_robot
+from testbed.bodies.morphology import load_robot
 from testbed.physics import tilt_of
 from testbed.report.drawing import OBLIQUE, SIDE, TOP, View, extent, flat_on_ground, tilted
 from testbed.report.figures import threshold

@@ -16,9 +16,9 @@ from synthetic_minds import ABLATION, Plan, write_minds_run
 from synthetic_run import crawl
 from test_report import Page
 
+from testbed.bodies.morphology import load_robot
 from testbed.experiment.roc import Difference
 from testbed.experiment.statistics import Interval, wilson
-from testbed.morphology import load_robot
 from testbed.report.candidates import chance, sentence
 from testbed.report.comparison import robot_table, verdict_on
 from testbed.report.desk import Desk

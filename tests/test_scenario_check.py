@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
-from testbed.morphology import load_robot
 from testbed.scenario import (
     GaitSpec,
     RigSpec,

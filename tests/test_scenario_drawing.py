@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
-from testbed.morphology import load_robot
 from testbed.resources import robot_names, scenario_names
 from testbed.scenario import GaitSpec, cell_names, check, drawn, in_cell, load_scenario, parse_scenario
-from testbed.scenario_bodies import BodyPlan
-from testbed.scenario_drawing import drawn_gait
-from testbed.scenario_teacher import waved
-from testbed.scenario_view import nearest_distance
+from testbed.scenario.bodies import BodyPlan
+from testbed.scenario.drawing import drawn_gait
+from testbed.scenario.teacher import waved
+from testbed.scenario.view import nearest_distance
 from testbed.world.gaits import scripted_policy
 
 RANDOM = """\

@@ -10,7 +10,7 @@ from scipy import stats
 
 from testbed.errors import UserError
 from testbed.scenario import Scenario, content_hash, parse_scenario, resolve
-from testbed.scenario_variation import (
+from testbed.scenario.variation import (
     DISTRIBUTIONS,
     chance,
     corners,

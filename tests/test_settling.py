@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import CappedCylinder, Cuboid, Joint, Morphology, Sphere, Vector, load_robot
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Joint, Morphology, Sphere, Vector, load_robot
 from testbed.physics import Simulation, tilt_of
 from testbed.student.body._candidates import settle_candidates
 from testbed.student.body.commands import CommandParameters

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.errors import UserError
 from testbed.experiment.truth import is_like, self_model_error
-from testbed.morphology import Morphology, load_robot
 from testbed.physics import Simulation
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_discovery import (

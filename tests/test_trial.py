@@ -20,7 +20,7 @@ from testbed.experiment.trial_report import match
 from testbed.experiment.truth import overlap, teacher_model_error
 from testbed.experiment.witness import Witness
 from testbed.scenario import Scenario
-from testbed.scenario_student import RealityGap
+from testbed.scenario.student import RealityGap
 from testbed.student.agent import Student
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World

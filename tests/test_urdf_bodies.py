@@ -11,19 +11,19 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from testbed.bodies.meshes import load_mesh
+from testbed.bodies.morphology import Mesh, Morphology, load_robot
+from testbed.bodies.robot_files import content_of, copies_of
+from testbed.bodies.urdf_bodies import link_shape
 from testbed.errors import UserError
 from testbed.experiment import runner
 from testbed.experiment.run_directory import RunDirectory
 from testbed.experiment.trial import run_trial
 from testbed.experiment.truth import is_like, parts_in_view
-from testbed.meshes import load_mesh
-from testbed.morphology import Mesh, Morphology, load_robot
 from testbed.physics import Simulation
 from testbed.report.page import write_report
 from testbed.report.pictures import robot_picture
-from testbed.robot_files import content_of, copies_of
 from testbed.scenario import Scenario, check, content_hash, load_scenario, parse_scenario, with_overrides
-from testbed.urdf_bodies import link_shape
 from testbed.world.bullet import SimulatedBackend
 
 DATA = Path(pybullet_data.getDataPath())
@@ -144,7 +144,7 @@ def test_only_what_is_far_from_convex_is_taken_apart() -> None:
     path = DATA / "kuka_iiwa" / "model.urdf"
     assert len(link_shape(path, "lbr_iiwa_link_0").hulls) == 1
     ring = trimesh.creation.annulus(0.08, 0.1, 0.02)
-    from testbed.meshes import _convex
+    from testbed.bodies.meshes import _convex
 
     pieces = _convex(ring, whole=False)
     assert len(pieces) >= 4

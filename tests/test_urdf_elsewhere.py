@@ -8,8 +8,8 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
-from testbed.morphology import load_robot
 
 DATA = Path(pybullet_data.getDataPath())
 ELSEWHERE = {

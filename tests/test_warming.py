@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbed.bodies.morphology import load_robot
 from testbed.experiment import warming
-from testbed.morphology import load_robot
 from testbed.student.parameters import TeacherModellingParameters
 from testbed.student.seeing import _bundle, _eea
 from testbed.student.seeing.alternatives import own_limbs

@@ -21,7 +21,7 @@ from pettingzoo.test import (
 )
 
 import testbed
-from testbed.morphology import Morphology, load_robot
+from testbed.bodies.morphology import Morphology, load_robot
 from testbed.physics import Simulation
 from testbed.scenario import Scenario
 from testbed.world.bullet import SimulatedBackend, physics_of

@@ -9,9 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
+from testbed.bodies.urdf import write_urdf
 from testbed.silence import silence
-from testbed.urdf import write_urdf
 
 with silence():
     import pybullet

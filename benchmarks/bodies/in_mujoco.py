@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.eyes.mujoco_eyes import import_mujoco
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Part, Vector
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Part, Vector
 
 
 class MuJoCoBody:

@@ -33,8 +33,8 @@ from testbed.experiment.statistics import (
     wilson_of,
 )
 from testbed.experiment.verdicts import scored
-from testbed.scenario_points import Point
-from testbed.scenario_sweep import Level
+from testbed.scenario.points import Point
+from testbed.scenario.sweep import Level
 
 Answer = Literal["holds", "does not hold", "cannot tell"]
 Row = Mapping[str, Any]

@@ -9,12 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError, shown_path
 from testbed.experiment.lived import Lived, resting_place
 from testbed.experiment.stage import Stage
 from testbed.hardware.failures import HardwareFailure
 from testbed.hardware.journal import Journal, Lost, Note, Places, read_journal, whole_steps
-from testbed.morphology import Vector
 from testbed.scenario import Scenario
 from testbed.world.bullet import bodies_of
 

@@ -13,10 +13,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.errors import UserError
 from testbed.experiment.stage import Truth
 from testbed.hardware.journal import Places, Step
-from testbed.morphology import Morphology, Vector
 from testbed.world.backend import Backend, Pair
 from testbed.world.placement import STUDENT
 

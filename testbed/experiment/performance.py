@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.experiment.record import Row
-from testbed.morphology import Morphology, Vector
 from testbed.world.placement import STUDENT
 
 Arrays = Mapping[str, NDArray[Any]]

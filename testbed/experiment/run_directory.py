@@ -23,12 +23,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from testbed.bodies.robot_files import copies_of
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import refused_writes_explained, sweep, write_text, write_whole
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
 from testbed.experiment.trial_files import DamagedError, decode_rows, encode
-from testbed.robot_files import copies_of
 from testbed.scenario import Scenario, content_hash, load_scenario, resolve, with_robot_files
 
 _LOCK = ".lock"

@@ -81,7 +81,7 @@ class Outcome:
         verdicts: The contents of ``verdicts.json``, of every trial that finished.
         failed: The trials that did not finish; running again tries them again.
         left_out: The trials of a sweep that cannot be, and may: see ``impossible`` of
-            :class:`testbed.scenario_sweep.SweepSpec`.
+            :class:`testbed.scenario.sweep.SweepSpec`.
     """
 
     path: Path

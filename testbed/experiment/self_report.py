@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.experiment import truth
 from testbed.experiment.record import Row
-from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
 from testbed.student.body.damage_report import DamageKind, DamageReport, carried_by
 from testbed.student.body.posterior import SelfKnowledge

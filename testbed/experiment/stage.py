@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.scenario import Scenario
 from testbed.world.backend import Backend
 from testbed.world.bullet import SimulatedBackend

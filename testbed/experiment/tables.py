@@ -27,8 +27,8 @@ from testbed.experiment.jobs import Job, jobs_of
 from testbed.experiment.run_directory import RunDirectory
 from testbed.experiment.trial_files import DamagedError, decode_rows
 from testbed.scenario import Scenario
-from testbed.scenario_cells import sweep_of
-from testbed.scenario_variation import is_distribution
+from testbed.scenario.cells import sweep_of
+from testbed.scenario.variation import is_distribution
 
 KEPT = ".rows.parquet"
 MANY = 200

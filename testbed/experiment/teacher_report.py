@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.experiment import performance, truth
 from testbed.experiment.record import Row
-from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
 from testbed.student.candidates import Candidate
 from testbed.student.forms import Modelled

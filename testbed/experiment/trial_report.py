@@ -81,12 +81,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from testbed.bodies.morphology import Morphology
 from testbed.experiment import truth
 from testbed.experiment.performance import performance_row
 from testbed.experiment.record import Row, TrialResult
 from testbed.experiment.self_report import damage_row, self_arrays, self_row
 from testbed.experiment.teacher_report import OF_A_FOUND_TEACHER, candidate_arrays, candidate_row
-from testbed.morphology import Morphology
 from testbed.scenario import Scenario, TeacherSpec
 from testbed.student.agent import Life
 from testbed.student.candidates import Candidate

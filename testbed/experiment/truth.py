@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import CappedCylinder, Cuboid, Joint, Mesh, Morphology, Part, Sphere, Vector
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Joint, Mesh, Morphology, Part, Sphere, Vector
 from testbed.student.moving.rolls import headings, read_rolls, roll_of
 from testbed.vision.camera import StereoRig
 from testbed.vision.kernel import render

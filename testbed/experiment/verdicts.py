@@ -25,7 +25,7 @@ from testbed.experiment.statistics import (
     bootstrap_mean,
     share_interval,
 )
-from testbed.scenario_points import Sweep
+from testbed.scenario.points import Sweep
 
 FILE = "verdicts.json"
 _FIRST = (

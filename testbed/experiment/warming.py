@@ -44,7 +44,7 @@ def _cold() -> bool:
 
 def compile_seeing() -> None:
     """Call what looks at others once, on a white picture."""
-    from testbed.parts import Cuboid
+    from testbed.bodies.parts import Cuboid
     from testbed.student.parameters import TeacherModellingParameters
     from testbed.student.seeing import _bundle
     from testbed.student.seeing.articulated import Limb, describe, eyes_of, lay_out

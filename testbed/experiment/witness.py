@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError
 from testbed.experiment import truth
 from testbed.experiment.stage import Truth
-from testbed.morphology import Vector
 from testbed.scenario import Scenario
 from testbed.student.insider import Insider
 from testbed.world.backend import Backend

@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.errors import UserError
 from testbed.hardware.clock import Clock
 from testbed.hardware.failures import HardwareFailure
 from testbed.hardware.prompt import Prompt, Question
 from testbed.hardware.robots.robot import Robot, RobotState
-from testbed.morphology import Morphology, Vector
 from testbed.scenario import Scenario
 from testbed.world.backend import Pair
 from testbed.world.bullet import bodies_of

@@ -27,7 +27,7 @@ from testbed.document_errors import mistake
 from testbed.documents import Source, plain_scalar, read_document, validate
 from testbed.errors import UserError
 from testbed.experiment.atomic import write_text
-from testbed.scenario_base import Identifier, Spec, unit_field
+from testbed.scenario.base import Identifier, Spec, unit_field
 from testbed.world.placement import STUDENT
 
 RIG = "rig"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.parts import Vector
+from testbed.bodies.parts import Vector
 
 _WIRE = struct.Struct("<dBB")
 _DIRECTIONS = ("sent", "received")

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MaxNLocator
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.report.drawing import OBLIQUE, View, draw_body, extent, flat_on_ground, frame, tilted
 from testbed.report.reading import Array, Trial
 from testbed.report.style import GRID, INK, MUTED, name_row, styled

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from testbed.bodies.morphology import Morphology
 from testbed.experiment.atomic import write_text
-from testbed.morphology import Morphology
 from testbed.report import html
 from testbed.report.reading import Row, RunRecord, Trial, chosen_rows
 from testbed.report.style import inline, svg

@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
+from testbed.bodies.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.style import INK, OF_PART, SHADOW
 
 _CIRCLE = np.stack(

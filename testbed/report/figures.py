@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from testbed.morphology import Morphology
+from testbed.bodies.morphology import Morphology
 from testbed.report.bodies import draw_self_models, self_models
 from testbed.report.reading import Array, Row, Trial
 from testbed.report.seen import draw_imagined, models_of

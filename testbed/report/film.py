@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
+from testbed.bodies.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.drawing import CORNERS, light_on, paint_order
 
 Frame = NDArray[np.uint8]

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from testbed.morphology import Morphology
+from testbed.bodies.morphology import Morphology
 from testbed.report.film import Frame
 from testbed.report.reading import Trial
 from testbed.report.video import frame_count, panes, stride_of, write_video

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
-from testbed.morphology import Mesh, Vector
-from testbed.urdf_bodies import link_shape
+from testbed.bodies.morphology import Mesh, Vector
+from testbed.bodies.urdf_bodies import link_shape
 
 _FINEST = 6000
 """A mesh with more triangles is drawn by its convex pieces."""

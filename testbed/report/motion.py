@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
-from testbed.morphology import Cuboid, Morphology
+from testbed.bodies.morphology import Cuboid, Morphology
 from testbed.report.bodies import self_models
 from testbed.report.outlines import outline
 from testbed.report.reading import Array, Trial

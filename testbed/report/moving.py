@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import Morphology
+from testbed.bodies.morphology import Morphology
 from testbed.report.motion import part_name
 from testbed.report.reading import Array, Trial
 from testbed.report.style import INK, OF_PART, styled

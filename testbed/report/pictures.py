@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbed.morphology import Cuboid, Mesh, Morphology, Part, Vector
+from testbed.bodies.morphology import Cuboid, Mesh, Morphology, Part, Vector
 from testbed.report.drawing import OBLIQUE, SIDE, TOP, View, draw_body, extent, flat_on_ground, frame, tilted
 from testbed.report.style import INK, MUTED, PAPER, stacked, styled, svg
 

@@ -12,8 +12,8 @@ from matplotlib.patches import Rectangle
 
 from testbed.experiment.conditions import MEASURES, Condition, Measured
 from testbed.report.style import BLUE, GRID, INK, MUTED, ORANGE, styled
-from testbed.scenario_points import Block
-from testbed.scenario_sweep import Axis, Level, level_name
+from testbed.scenario.points import Block
+from testbed.scenario.sweep import Axis, Level, level_name
 
 _WIDE = 7.4
 _DARK, _LIGHT = "#14181d", "#ffffff"  # text on tiles, whose colours do not follow the page's theme

@@ -23,8 +23,8 @@ from testbed.report.reading import Row, chosen_rows
 from testbed.report.sweep_figures import axis_figure, labelled, sign, tile_figure
 from testbed.report.trend_figures import trend_figure
 from testbed.scenario import sweep_of
-from testbed.scenario_points import Block
-from testbed.scenario_sweep import UNNAMED, level_name
+from testbed.scenario.points import Block
+from testbed.scenario.sweep import UNNAMED, level_name
 
 _CSS: dict[Answer, str] = {"holds": "reproduced", "does not hold": "not", "cannot tell": "cannot"}
 _FEW = 6  # so many conditions are listed openly
@@ -88,7 +88,8 @@ def _block(desk: Desk, block: Block, *, alone: bool) -> str:
         None if tiles or trends else axis_figure(block, control, by_axis),
         f"sweep-{block.name}",
         f"AUC and right verdicts along {about}",
-        "Each condition with its 95% interval; the control is the open circle, its interval the band.",
+        "Each condition with its 95% interval. The band is the control's, and the open circle where the axis has a "
+        "place for it.",
     )
     table = _table(control, others, block)
     listed = table if len(others) <= _FEW else html.details(f"All {len(others)} conditions", table)

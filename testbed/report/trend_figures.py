@@ -14,12 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.report.reading import Row
 from testbed.report.style import BLUE, INK, OF_TRUTH, styled
 from testbed.report.sweep_figures import labelled
-from testbed.scenario_points import Block
-from testbed.scenario_sweep import Axis, Level, level_name
+from testbed.scenario.points import Block
+from testbed.scenario.sweep import Axis, Level, level_name
 
 _WIDE = 7.4
 _FEWEST = 4

@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.errors import UserError
 from testbed.experiment.atomic import write_whole
-from testbed.morphology import Morphology, Vector
 from testbed.report.film import Camera, Colour, Frame, floor, paint
 from testbed.report.reading import Array, Row, Trial
 from testbed.report.style import BLUE, INK, MUTED, ORANGE

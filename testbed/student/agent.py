@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.candidates import Candidate, Sight, choose

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.forms import Modelled, Own, Told
 from testbed.student.insider import Insider, Insight, KnownBody, insight

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.self_model import Tree, true_tree
 from testbed.student.motion import TeacherMotion
 from testbed.vision.primitives import OMEGA

@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student import phases
 from testbed.student.body.damage import SelfCheck
 from testbed.student.body.damage_report import DamageReport

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student import baselines
 from testbed.student.body.active_discovery import ActiveDiscovery
 from testbed.student.body.imagination import Imagination

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 
 
 class HillClimber:

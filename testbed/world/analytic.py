@@ -18,10 +18,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Sphere, Vector
 from testbed.errors import UserError
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Sphere, Vector
 from testbed.physics import Simulation
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 from testbed.vision import CAPPED_CYLINDER, CUBOID, SPHERE
 from testbed.vision.shading import cast
 

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from testbed.morphology import Vector
-from testbed.scenario_gait import AnswerSpec, GaitSpec
+from testbed.bodies.morphology import Vector
+from testbed.scenario.gait import AnswerSpec, GaitSpec
 
 ATTENTION = math.radians(10)
 """A rig whose axis passes a teacher by less than this is watching it (rad); well under half the field of view, so

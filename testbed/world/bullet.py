@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation, tilt_of
 from testbed.scenario import RigSpec, Scenario
-from testbed.scenario_view import MOST_PAN_ERRORS
+from testbed.scenario.view import MOST_PAN_ERRORS
 from testbed.vision.noise import QuickNoise
 from testbed.world.analytic import AnalyticRenderer
 from testbed.world.backend import Pair
@@ -70,6 +70,7 @@ class SimulatedBackend:
         self._pan_step = math.radians(rig.pan_speed_deg) * world.control_step
         self._steps_per_frame = max(1, round(1 / (rig.camera_rate * world.control_step)))
         self._pan = 0.0
+        self._views: tuple[float, list[tuple[float, ...]]] = math.nan, []  # of the eyes, for a pan
         self._now = dict(self._true)
         analytic = rig.renderer == "analytic"
         self._analytic = AnalyticRenderer(self._simulation, rig, IMAGE) if analytic else None
@@ -249,9 +250,10 @@ class SimulatedBackend:
         rig = self._scenario.rig
         width, height = IMAGE[1] * rig.supersample, IMAGE[0] * rig.supersample
         projection = projection_matrix(math.radians(rig.field_of_view_deg), width, height)
-        ahead = np.array([math.sin(self._pan), math.cos(self._pan), 0.0])
-        for place in places:
-            view = view_matrix(place, place + ahead)
+        if self._views[0] != self._pan:
+            ahead = np.array([math.sin(self._pan), math.cos(self._pan), 0.0])
+            self._views = self._pan, [view_matrix(place, place + ahead) for place in places]
+        for view in self._views[1]:
             drawn = self._simulation.picture(view, projection, width=width, height=height, light=_light(rig))
             yield luminosities(*drawn, rig.background)
 
@@ -270,7 +272,7 @@ def _photograph(
     colours, seen = simulation.picture(
         view_matrix(eye, target), projection, width=width, height=height, light=_PEOPLE_LIGHT
     )
-    return np.where(seen[..., None], colours, np.uint8(255))
+    return np.where(seen[..., None], colours[..., :3], np.uint8(255))
 
 
 def _light(rig: RigSpec) -> dict[str, object]:

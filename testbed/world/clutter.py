@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from testbed.morphology import Morphology
-from testbed.parts import CappedCylinder
+from testbed.bodies.morphology import Morphology
+from testbed.bodies.parts import CappedCylinder
 from testbed.physics import Simulation
-from testbed.scenario_clutter import ClutterSpec
+from testbed.scenario.clutter import ClutterSpec
 
 _UPRIGHT = -math.pi / 2  # a post lies along x until it is put up
 

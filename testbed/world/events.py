@@ -13,8 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from testbed.morphology import Morphology, Sphere
-from testbed.scenario_specs import Scenario
+from testbed.bodies.morphology import Morphology, Sphere
+from testbed.scenario.specs import Scenario
 from testbed.world.attention import Occasion, occasion_of
 from testbed.world.placement import STUDENT, Placement, teacher_names
 

@@ -10,8 +10,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Morphology, Vector
-from testbed.scenario_student import StudentSpec
+from testbed.bodies.morphology import Morphology, Vector
+from testbed.scenario.student import StudentSpec
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.errors import UserError
-from testbed.morphology import Morphology, Vector
 from testbed.recording import read_recording
-from testbed.scenario_gait import GaitSpec, JointWave, waved
+from testbed.scenario.gait import GaitSpec, JointWave, waved
 from testbed.world.attention import ATTENTION, occasion_of, watched
 from testbed.world.mirror import twins
 

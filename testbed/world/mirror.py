@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.morphology import Morphology
+from testbed.bodies.morphology import Morphology
 
 _CLOSE = 1e-3
 # Left and right are exchanged, and a turn about an axis becomes one about the axis's image, backwards.

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 
 NEAR, FAR = 0.02, 20.0
 
@@ -36,8 +36,8 @@ def projection_matrix(horizontal_field: float, width: int, height: int) -> tuple
 
 
 def luminosities(colours: NDArray[np.uint8], seen: NDArray[np.bool_], background: int) -> NDArray[np.float32]:
-    """(H, W) a rendered picture of colours (H, W, 3) as luminosities, with the background where no body is seen."""
-    luminosity = cv2.cvtColor(colours, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    """(H, W) a rendered picture of colours (H, W, 4) as luminosities, with the background where no body is seen."""
+    luminosity = cv2.cvtColor(colours, cv2.COLOR_RGBA2GRAY).astype(np.float32)
     luminosity[~seen] = background
     return luminosity
 

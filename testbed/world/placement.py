@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from testbed.morphology import Morphology
-from testbed.scenario_specs import Scenario
-from testbed.scenario_teacher import TeacherSpec
+from testbed.bodies.morphology import Morphology
+from testbed.scenario.specs import Scenario
+from testbed.scenario.teacher import TeacherSpec
 
 STUDENT = "student"
 

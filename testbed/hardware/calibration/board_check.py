@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Vector
 from testbed.hardware.calibration.charuco import CharucoSpec
 from testbed.hardware.calibration.rig_fit import FEWEST_CORNERS, BoardPair, Geometry, off_row
 from testbed.hardware.failures import NotCalibrated, RigMoved
-from testbed.morphology import Vector
 
 MOVED_OFF_ROW = 0.6
 """Pixels of the full image off the row, root mean square, that tell of a knock: 2.4 times what a new one may have."""

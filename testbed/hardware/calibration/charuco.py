@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from testbed.morphology import Vector
-from testbed.scenario_base import Spec, unit_field
+from testbed.bodies.morphology import Vector
+from testbed.scenario.base import Spec, unit_field
 
 TEXELS = 10
 """Of one square along each side: a marker of 4 x 4 bits and its rim are 6, the white around it 2 on either side. With

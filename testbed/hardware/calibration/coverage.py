@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from testbed.bodies.morphology import Vector
 from testbed.hardware.calibration.charuco import BoardView, CharucoSpec
 from testbed.hardware.calibration.rig_fit import GUESS, BoardPair
 from testbed.hardware.rig.pairing import SIDES
-from testbed.morphology import Vector
 
 COLUMNS, ROWS = 4, 3
 PER_CELL = 12

@@ -17,12 +17,12 @@ import numpy as np
 import yaml
 from pydantic import Field
 
+from testbed.bodies.parts import Vector
 from testbed.documents import plain_scalar, read_document, validate
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import write_text
 from testbed.frozen import Frozen
 from testbed.hardware.failures import CalibrationForeign, NotCalibrated
-from testbed.parts import Vector
 
 VERSION = 1
 """Of the form of these files; a file of another one is measured anew, never guessed at."""

@@ -17,6 +17,7 @@ import numpy as np
 import yaml
 from pydantic import AwareDatetime, BeforeValidator, Field
 
+from testbed.bodies.morphology import Vector
 from testbed.documents import read_document, validate
 from testbed.errors import UserError
 from testbed.experiment.atomic import write_text
@@ -36,8 +37,7 @@ from testbed.hardware.failures import (
     CalibrationStale,
     NotCalibrated,
 )
-from testbed.morphology import Vector
-from testbed.scenario_base import Spec
+from testbed.scenario.base import Spec
 
 FILE = "stereo.yaml"
 """Its name in the folder of calibrations."""

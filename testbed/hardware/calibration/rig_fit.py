@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from testbed.bodies.morphology import Vector
 from testbed.hardware.calibration.charuco import BoardView, CharucoSpec
 from testbed.hardware.failures import NotCalibrated
-from testbed.morphology import Vector
 
 FEWEST_PAIRS = 15
 """With fewer the rotation between the cameras is not known well, whatever the fit says."""

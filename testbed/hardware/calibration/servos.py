@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbed.bodies.parts import Vector
 from testbed.errors import UserError
 from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, today
 from testbed.hardware.line.protocol import Flags
 from testbed.hardware.prompt import Prompt, Question
 from testbed.hardware.robots.board import Board
 from testbed.hardware.robots.feetech import FeetechRobot
-from testbed.parts import Vector
 
 _BY_HAND_DEG = (0.0, -45.0, 45.0)
 

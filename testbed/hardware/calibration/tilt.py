@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import least_squares
 
+from testbed.bodies.parts import Vector
 from testbed.errors import UserError
 from testbed.frames import rotation_about
 from testbed.hardware.calibration.records import TiltCalibration, today
@@ -23,7 +24,6 @@ from testbed.hardware.failures import ImuMissing, ImuStuck
 from testbed.hardware.line.protocol import NO_IMU_AGE, Flags, Request
 from testbed.hardware.prompt import Prompt, Question
 from testbed.hardware.robots.board import Board
-from testbed.parts import Vector
 
 _COUNTS_PER_G = 16384.0
 

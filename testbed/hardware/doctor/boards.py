@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.bodies.parts import Vector
 from testbed.hardware.calibration.records import ServoCalibration, load_servos, load_tilt, tilt_from
 from testbed.hardware.clock import Clock
 from testbed.hardware.doctor.checks import Check, Outcome, checked, failed, passed, skipped
@@ -33,7 +34,6 @@ from testbed.hardware.line.link import Link
 from testbed.hardware.line.ports import found_ports, open_port
 from testbed.hardware.line.protocol import NO_IMU_AGE, Flags, Identity, Request, State
 from testbed.hardware.robots.board import Address
-from testbed.parts import Vector
 
 READS = 300
 """So many exchanges tell a line that loses 1% of them from one that loses none (95%)."""

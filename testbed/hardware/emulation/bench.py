@@ -22,6 +22,7 @@ from typing import Self
 import numpy as np
 import serial
 
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.errors import UserError
 from testbed.hardware.bench_file import RIG
 from testbed.hardware.clock import readable
@@ -33,7 +34,6 @@ from testbed.hardware.emulation.mounting import Mounting, felt
 from testbed.hardware.emulation.scenes import RobotScene
 from testbed.hardware.emulation.servos import Servo, Servos
 from testbed.hardware.emulation.wire import Wire
-from testbed.morphology import Morphology, Vector
 from testbed.physics import Simulation
 from testbed.scenario import Scenario
 from testbed.world.bullet import bodies_of, physics_of

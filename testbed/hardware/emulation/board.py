@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from testbed.bodies.morphology import Vector
 from testbed.hardware.emulation.microcontroller import Microcontroller, Pulse
 from testbed.hardware.emulation.mounting import Mounting
 from testbed.hardware.emulation.servos import Servos
 from testbed.hardware.emulation.wire import Wire
-from testbed.morphology import Vector
 
 _PARCEL = 62  # bytes in a packet of common USB adapters
 

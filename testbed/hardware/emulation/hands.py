@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError
 from testbed.hardware.bench_file import RIG
 from testbed.hardware.calibration.charuco import CharucoSpec
@@ -17,7 +18,6 @@ from testbed.hardware.emulation.bench import EmulatedBench
 from testbed.hardware.emulation.poses import held, held_about
 from testbed.hardware.emulation.scenes import BoardScene
 from testbed.hardware.prompt import Question, nothing
-from testbed.morphology import Vector
 
 _TAKES = 0.6
 """s from a question to its answer: robots have come to rest by then."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Vector
 from testbed.frames import rotation_about
-from testbed.morphology import Vector
 
 SIZE = (640, 480)
 """Width and height of the sensor in pixels."""

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
+from testbed.bodies.morphology import Vector
 from testbed.frames import rotation_about
-from testbed.morphology import Vector
 
 _ASKEW_DEG = 4.0
 _BIAS = 0.03

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from testbed.bodies.morphology import Vector
 from testbed.frames import rotation_about
 from testbed.hardware.calibration.charuco import CharucoSpec
 from testbed.hardware.emulation.lens import SIZE, Lens
-from testbed.morphology import Vector
 
 
 def held(

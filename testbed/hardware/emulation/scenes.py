@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Vector
 from testbed.hardware.calibration.charuco import TEXELS, CharucoSpec
 from testbed.hardware.emulation.lens import SIZE, Lens, Mount
-from testbed.morphology import Vector
 from testbed.physics import Simulation
-from testbed.scenario_specs import LightSpec, RigSpec
+from testbed.scenario.specs import LightSpec, RigSpec
 from testbed.vision._jit import compiled
 from testbed.vision.shading import cast
 from testbed.world.analytic import solids_of, undrawable

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 
 US_PER_RAD = 1800 / math.pi
 """10 us a degree, what most servos are sold as: 180 degrees from 600 to 2400 us."""

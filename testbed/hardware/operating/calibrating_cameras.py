@@ -23,7 +23,7 @@ from testbed.hardware.prompt import Question
 from testbed.hardware.rig.backdrop import save_backdrop
 from testbed.hardware.rig.rectification import student_rig
 from testbed.hardware.robots.robot import Robot
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 
 Progress = Callable[[int, int], None]
 _FEEDING = 0.04  # s between two commands

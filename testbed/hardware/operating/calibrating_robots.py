@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator, Sequence
 
+from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError, shown_path
 from testbed.hardware.bench_file import PAN, RIG, BenchSpec
 from testbed.hardware.calibration.records import ServoCalibration, save_calibration
@@ -14,7 +15,6 @@ from testbed.hardware.calibration.tilt import calibrate_tilt
 from testbed.hardware.operating.workbench import Workbench, joints_of
 from testbed.hardware.robots.board import Board
 from testbed.hardware.robots.feetech import FeetechRobot
-from testbed.morphology import load_robot
 
 _PAN_LIMIT = 90.0
 """Degrees to either side; scenarios may ask for less."""

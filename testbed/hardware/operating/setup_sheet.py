@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from testbed.bodies.morphology import load_robot
 from testbed.hardware.bench_file import RIG, BenchSpec
-from testbed.morphology import load_robot
 from testbed.scenario import Scenario, drawn, in_cell
 from testbed.world.bullet import bodies_of
 from testbed.world.placement import placements, teacher_names

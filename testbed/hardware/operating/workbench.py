@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.bodies.morphology import load_robot
 from testbed.experiment.runner import OnBench
 from testbed.hardware.bench_file import PAN, RIG, BenchSpec, load_bench
 from testbed.hardware.bench_time import BenchTime
@@ -24,7 +25,6 @@ from testbed.hardware.rig.cameras import Camera, VideoCamera
 from testbed.hardware.robots.board import Address
 from testbed.hardware.robots.robot import Robot
 from testbed.hardware.robots.servo_board import BoardSettings, ServoBoard
-from testbed.morphology import load_robot
 
 EMULATED = "emulated"
 """In place of a bench file: the emulated bench in virtual time."""

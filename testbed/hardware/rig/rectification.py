@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Vector
 from testbed.errors import UserError
 from testbed.frames import rotation_about
 from testbed.hardware.calibration.charuco import Image
 from testbed.hardware.calibration.rig import RigCalibration
-from testbed.morphology import Vector
-from testbed.scenario_specs import RigSpec
+from testbed.scenario.specs import RigSpec
 from testbed.vision.camera import StereoRig
 
 FINENESS = 6

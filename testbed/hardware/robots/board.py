@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import serial
 
+from testbed.bodies.parts import Vector
 from testbed.errors import UserError
 from testbed.hardware.clock import Clock
 from testbed.hardware.failures import (
@@ -25,7 +26,6 @@ from testbed.hardware.line.link import Link, LinkSpec, LinkStatistics, Listener,
 from testbed.hardware.line.ports import PortInfo, open_port
 from testbed.hardware.line.protocol import Flags, Frame, Identity, Request, Result, State, words
 from testbed.hardware.robots.robot import LimpAtTheEnd, connected
-from testbed.parts import Vector
 
 TICKS = 2
 """To a microsecond: pulses go over the wire in halves."""

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.bodies.parts import Vector
 from testbed.errors import UserError
 from testbed.hardware.calibration.records import ServoCalibration, check_owner, load_servos, load_tilt
 from testbed.hardware.clock import Clock
@@ -34,7 +35,6 @@ from testbed.hardware.robots.board import Address, Board
 from testbed.hardware.robots.bus_servo import BusSettings, ServoReading, check_model, read_servo
 from testbed.hardware.robots.robot import LimpAtTheEnd, RobotState, configured, connected
 from testbed.hardware.robots.tilt_watch import TiltSensor
-from testbed.parts import Vector
 
 
 def adapter_path(address: Address) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
+from testbed.bodies.parts import Vector
 from testbed.hardware.failures import LinkLost, NotCalibrated
 from testbed.hardware.line.protocol import Flags, Identity
-from testbed.parts import Vector
 
 T = TypeVar("T")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.bodies.parts import Vector
 from testbed.hardware.calibration.records import (
     ServoCalibration,
     TiltCalibration,
@@ -23,7 +24,6 @@ from testbed.hardware.line.protocol import Flags, Identity, Request, State
 from testbed.hardware.robots.board import TICKS, Address, Board
 from testbed.hardware.robots.robot import LimpAtTheEnd, RobotState, configured
 from testbed.hardware.robots.tilt_watch import TiltSensor
-from testbed.parts import Vector
 
 
 @dataclass(frozen=True, kw_only=True)

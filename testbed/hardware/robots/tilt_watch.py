@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbed.bodies.parts import Vector
 from testbed.hardware.calibration.records import TiltCalibration, tilt_from
 from testbed.hardware.failures import ImuMissing, ImuStuck, TiltImplausible
 from testbed.hardware.line.protocol import NO_IMU_AGE, Flags, State
-from testbed.parts import Vector
 
 
 @dataclass(frozen=True, kw_only=True)

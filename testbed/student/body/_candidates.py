@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body._postures import BALL, CAPPED, Indices, place_hinge
 from testbed.student.body._settling import settle_commands
 from testbed.vision._jit import compiled

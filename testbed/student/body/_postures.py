@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.vision._jit import compiled
 
 Indices = NDArray[np.int64]

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body._postures import Indices, place_parts, sphere_count
 from testbed.vision._jit import compiled
 

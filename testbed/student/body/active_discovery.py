@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.commands import worth_of
 from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, Fit, judge_bodies

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 
 
 class CommandParameters(BaseModel):

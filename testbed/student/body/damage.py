@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.commands import worth_of
 from testbed.student.body.damage_report import DamageKind, DamageReport, suffered
 from testbed.student.body.genomes import Foresight, Genomes

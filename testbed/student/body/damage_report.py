@@ -8,7 +8,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.genomes import Genomes
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.self_model import Tree, hinge_name, limb_name

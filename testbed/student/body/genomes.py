@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Morphology, Part, Vector
+from testbed.bodies.morphology import Morphology, Part, Vector
 from testbed.student.body._candidates import settle_candidates
 from testbed.student.body._postures import Indices
 from testbed.student.body.plausibility import Felt

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation
 from testbed.student.parameters import ImaginationParameters
 

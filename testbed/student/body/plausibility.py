@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.settling import up_of_tilt
 from testbed.student.parameters import PlausibilityParameters
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.genomes import Genomes
 from testbed.student.body.self_model import Tree
 from testbed.student.parameters import ActiveDiscoveryParameters

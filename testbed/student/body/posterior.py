@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.genomes import Genomes, body_of
 from testbed.student.body.self_model import BodyPrior, Tree, limb_name
 from testbed.student.body.settling import Settler, up_of_tilt

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, judge_bodies
 from testbed.student.parameters import PlausibilityParameters

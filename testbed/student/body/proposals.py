@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body._postures import Indices
 from testbed.student.body.genomes import Genomes, all_trees, is_tree, random_tree
 from testbed.student.body.self_model import Tree

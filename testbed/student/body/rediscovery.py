@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import softmax
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.commands import worth_of
 from testbed.student.body.damage_report import DamageKind, DamageReport, damage_in_words
 from testbed.student.body.genomes import Foresight, Genomes

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body.genomes import Foresight, Genomes
 from testbed.student.body.plausibility import Felt, judge_bodies
 from testbed.student.parameters import PlausibilityParameters

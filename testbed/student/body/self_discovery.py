@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.self_model import BodyPrior, Tree, branch_columns, branches_of, self_model, tree_of
 from testbed.student.parameters import SelfDiscoveryParameters

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.bodies.morphology import Joint, Morphology, Part, Vector
 from testbed.errors import UserError
-from testbed.morphology import Joint, Morphology, Part, Vector
 
 MAIN = "main"
 Tree = tuple[int, ...]

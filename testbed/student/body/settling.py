@@ -12,7 +12,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Part, Vector
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Part, Vector
 from testbed.student.body._postures import BALL, CAPPED, CUBOID, Indices
 from testbed.student.body._settling import settle_commands
 

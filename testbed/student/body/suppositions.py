@@ -14,7 +14,7 @@ import math
 import numpy as np
 from scipy.special import logsumexp
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.body._postures import Indices
 from testbed.student.body.damage_report import DamageKind, suffered
 from testbed.student.body.genomes import Foresight, Genomes, is_tree

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.self_model import true_tree
 from testbed.student.judging.verdict import Verdict
 from testbed.student.motion import TeacherMotion

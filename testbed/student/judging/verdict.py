@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.parameters import VerdictParameters
 
 Answer = Literal["appropriate", "inappropriate"]

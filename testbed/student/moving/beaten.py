@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.imagination import Enough
 from testbed.student.moving._gaps import gap
 from testbed.student.moving.rolls import RollReading

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.special import expit
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.imagination import Imagination
 from testbed.student.moving.beaten import Beaten
 from testbed.student.moving.rolls import headings, read_rolls, roll_of, view_of

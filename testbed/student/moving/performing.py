@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.imagination import Imagination, Rehearsal
 from testbed.student.motion import TeacherMotion
 from testbed.student.moving.imitation import controller

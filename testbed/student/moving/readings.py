@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from testbed.morphology import CappedCylinder, Morphology, Vector
+from testbed.bodies.morphology import CappedCylinder, Morphology, Vector
 from testbed.student.motion import TeacherMotion
 from testbed.student.moving.harmonics import Harmonics
 from testbed.student.moving.imitation import normalised

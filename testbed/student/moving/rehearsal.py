@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.body.imagination import Imagination
 from testbed.student.body.settling import Settler
 from testbed.student.motion import TeacherMotion

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 
 RollReading = Literal["half_turn", "raw", "unwrapped"]
 

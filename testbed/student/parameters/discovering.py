@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
+from testbed.bodies.morphology import Vector
 from testbed.frozen import Frozen
-from testbed.morphology import Vector
 from testbed.student.body.commands import CommandParameters
 
 

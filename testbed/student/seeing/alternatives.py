@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from testbed.morphology import CappedCylinder, Cuboid, Morphology, Part, Sphere
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Part, Sphere
 from testbed.student.seeing.articulated import Limb
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Cuboid, Part, Sphere, Vector
+from testbed.bodies.morphology import Cuboid, Part, Sphere, Vector
 from testbed.student.seeing._plan import (
     ALONG,
     DEPTH,

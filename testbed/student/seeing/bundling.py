@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.seeing._bundle import costs, linearised
 from testbed.student.seeing._plan import DEPTH, Eyes
 from testbed.student.seeing.articulated import Body, Indices

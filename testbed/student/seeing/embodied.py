@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.motion import TeacherMotion, Watched
 from testbed.student.parameters import EmbodiedParameters, FittingParameters
 from testbed.student.seeing.alternatives import Alternative, alternatives, own_limbs, thinned

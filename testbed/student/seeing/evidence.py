@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.motion import TeacherMotion
 from testbed.student.parameters import EmbodiedParameters
 from testbed.student.seeing._bundle import linearised

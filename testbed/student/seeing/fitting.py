@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.motion import Watched
 from testbed.student.parameters import FittingParameters
 from testbed.student.seeing._plan import Eyes

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Morphology, Vector
+from testbed.bodies.morphology import Morphology, Vector
 from testbed.student.motion import TeacherMotion, Watched
 from testbed.student.moving.rolls import headings, roll_of
 from testbed.student.parameters import GlanceParameters

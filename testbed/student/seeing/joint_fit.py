@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.morphology import Part, Vector
+from testbed.bodies.morphology import Part, Vector
 from testbed.student.motion import TeacherMotion, Watched
 from testbed.student.parameters import FittingParameters, JointFitParameters
 from testbed.student.seeing.articulated import Body, Limb, describe, lay_out

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.morphology import Vector
+from testbed.bodies.morphology import Vector
 from testbed.student.parameters import PosingParameters
 from testbed.student.seeing._bundle import fan_costs
 from testbed.student.seeing._plan import Eyes

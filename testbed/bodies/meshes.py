@@ -14,10 +14,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError
 
-from testbed.collada_reading import read_collada
+from testbed.bodies.collada_reading import read_collada
+from testbed.bodies.parts import Vector
+from testbed.bodies.urdf_reading import Geometry
 from testbed.errors import UserError
-from testbed.parts import Vector
-from testbed.urdf_reading import Geometry
 
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".off", ".glb")
 _LARGEST_MESH = 1 << 26  # bytes

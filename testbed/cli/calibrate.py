@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbed.cli_results import progress_bar
+from testbed.cli.results import progress_bar
 
 if TYPE_CHECKING:
-    from testbed.scenario_specs import RigSpec
+    from testbed.scenario.specs import RigSpec
 
 DEFAULT = "bench.yaml"
 

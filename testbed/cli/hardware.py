@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.exceptions import Exit
 
-from testbed import cli_calibrate
-from testbed.cli_calibrate import DEFAULT, BenchFile, calibrated, limp_when_told_to_end
-from testbed.cli_results import progress_bar
+from testbed.cli import calibrate as cli_calibrate
+from testbed.cli.calibrate import DEFAULT, BenchFile, calibrated, limp_when_told_to_end
+from testbed.cli.results import progress_bar
 from testbed.errors import UserError, shown_path
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from pydantic import Field, field_validator, model_validator
 
 from testbed.document_errors import mistake
 from testbed.errors import did_you_mean
-from testbed.scenario_base import Identifier, Metres, Spec, unit_field
-from testbed.scenario_bodies import Robot, body_of
-from testbed.scenario_variation import Spread
+from testbed.scenario.base import Identifier, Metres, Spec, unit_field
+from testbed.scenario.bodies import Robot, body_of
+from testbed.scenario.variation import Spread
 from testbed.student.methods import (
     METHODS,
     STUDENT_METHODS,
@@ -23,7 +23,7 @@ from testbed.student.methods import (
 from testbed.student.parameters import StudentParameters
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology
+    from testbed.bodies.morphology import Morphology
 
 Deviation: TypeAlias = Spread | tuple[float, ...]
 """How far something may be from what is known: a standard deviation, a distribution, or the values themselves."""
@@ -147,7 +147,7 @@ class StudentSpec(MindSpec):
         """The body as the student knows its parts.
 
         Raises:
-            UserError: As :func:`testbed.scenario_bodies.body_of` does.
+            UserError: As :func:`testbed.scenario.bodies.body_of` does.
         """
         return body_of(self.robot)
 

@@ -7,9 +7,9 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from testbed.bodies.parts import CappedCylinder, Mesh, Part, Sphere, Vector
 from testbed.frames import rotation_about, rotation_z, translation
 from testbed.frozen import Frozen
-from testbed.parts import CappedCylinder, Mesh, Part, Sphere, Vector
 
 
 class Joint(Frozen):

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from testbed.bodies.parts import Vector
+from testbed.bodies.xml_reading import Element, read_xml
 from testbed.errors import UserError
 from testbed.frames import translation
-from testbed.parts import Vector
-from testbed.xml_reading import Element, read_xml
 
 TURNING = ("revolute", "continuous")
 _KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")

@@ -10,8 +10,8 @@ from pydantic import Field, field_validator, model_validator
 
 from testbed.document_errors import mistake
 from testbed.errors import did_you_mean
-from testbed.scenario_base import Spec, unit_field
-from testbed.scenario_variation import Choice, Distribution, Spread, Uniform
+from testbed.scenario.base import Spec, unit_field
+from testbed.scenario.variation import Choice, Distribution, Spread, Uniform
 
 WaveForm = Literal["sine", "triangle", "trapezoid"]
 

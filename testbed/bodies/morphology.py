@@ -20,11 +20,11 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from testbed.bodies.joints import Joint, mount_of
+from testbed.bodies.parts import CappedCylinder, Cuboid, Mesh, Part, Sphere, Vector
 from testbed.documents import read_document, validate
 from testbed.frames import rotation_y, rotation_z, translation
 from testbed.frozen import Frozen
-from testbed.joints import Joint, mount_of
-from testbed.parts import CappedCylinder, Cuboid, Mesh, Part, Sphere, Vector
 from testbed.resources import robot_path
 
 __all__ = [
@@ -227,7 +227,7 @@ def load_robot(name: str | Path) -> Morphology:
     """
     path = Path(name) if Path(name).suffix else robot_path(str(name))
     if path.suffix.lower() in (".urdf", ".xacro"):
-        from testbed.urdf_bodies import read_urdf  # made of bodies; meshes are slow to load
+        from testbed.bodies.urdf_bodies import read_urdf  # made of bodies; meshes are slow to load
 
         return read_urdf(path.absolute())
     try:

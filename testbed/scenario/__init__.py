@@ -17,12 +17,12 @@ from typing import Any
 
 import yaml
 
+from testbed.bodies.robot_files import content_of
 from testbed.documents import Document, parse_document, plain_scalar, read_document, validate
 from testbed.errors import UserError
 from testbed.resources import robot_names, robot_path, scenario_path
-from testbed.robot_files import content_of
-from testbed.scenario_bodies import is_path
-from testbed.scenario_cells import (
+from testbed.scenario.bodies import is_path
+from testbed.scenario.cells import (
     cell_names,
     in_cell,
     in_split,
@@ -33,9 +33,9 @@ from testbed.scenario_cells import (
     sweep_of,
     trials_of,
 )
-from testbed.scenario_check import check, check_trial
-from testbed.scenario_drawing import check_ends, drawn
-from testbed.scenario_specs import (
+from testbed.scenario.check import check, check_trial
+from testbed.scenario.drawing import check_ends, drawn
+from testbed.scenario.specs import (
     LARGEST_SEED,
     GaitSpec,
     JointWave,

@@ -6,9 +6,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from testbed.bodies.parts import CappedCylinder, Cuboid, Part, Sphere, Texture
 from testbed.document_errors import mistake
-from testbed.parts import CappedCylinder, Cuboid, Part, Sphere, Texture
-from testbed.scenario_base import Spec, unit_field
+from testbed.scenario.base import Spec, unit_field
 
 MOST_CLUTTER = 32
 Size = Annotated[float, Field(ge=0.005, le=2, json_schema_extra={"unit": "m"})]

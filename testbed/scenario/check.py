@@ -13,13 +13,13 @@ from testbed.document_errors import Place
 from testbed.documents import Source
 from testbed.errors import UserError, did_you_mean
 from testbed.recording import read_recording
-from testbed.scenario_cells import in_cell, may_be_left_out, probed_cells
-from testbed.scenario_drawing import body_at, drawn, extremes
-from testbed.scenario_specs import RigSpec, Scenario
-from testbed.scenario_view import Ends, ends_of, half_width_deg, most_pan_error_deg, nearest_distance
+from testbed.scenario.cells import in_cell, may_be_left_out, probed_cells
+from testbed.scenario.drawing import body_at, drawn, extremes
+from testbed.scenario.specs import RigSpec, Scenario
+from testbed.scenario.view import Ends, ends_of, half_width_deg, most_pan_error_deg, nearest_distance
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology, Part, Vector
+    from testbed.bodies.morphology import Morphology, Part, Vector
 
 _ROUNDING_DEG = 1e-6
 _ROUNDING = math.radians(_ROUNDING_DEG)

@@ -10,10 +10,10 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from testbed.document_errors import mistake
 from testbed.errors import UserError
-from testbed.scenario_base import Spec
+from testbed.scenario.base import Spec
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology
+    from testbed.bodies.morphology import Morphology
 
 MOST_LIMBS = 26
 _SUFFIXES = (".yaml", ".yml", ".urdf", ".xacro", ".csv", ".parquet")
@@ -76,7 +76,12 @@ def body_of(robot: str | BodyPlan) -> Morphology:
     Raises:
         UserError: If there is no such robot, its description is wrong, or it has yet to be drawn.
     """
-    from testbed.morphology import CappedCylinder, Joint, Morphology, load_robot  # made of our own documents
+    from testbed.bodies.morphology import (  # made of our own documents
+        CappedCylinder,
+        Joint,
+        Morphology,
+        load_robot,
+    )
 
     if isinstance(robot, str):
         return load_robot(Path(robot) if is_path(robot) else robot)

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from testbed.bodies.parts import Vector
+from testbed.bodies.xml_reading import Element, parsed_xml
 from testbed.errors import UserError
-from testbed.parts import Vector
-from testbed.xml_reading import Element, parsed_xml
 
 _MOST_COPIED = 1 << 28
 """Bytes of a file times the copies that it places: a few lines can ask for billions of pieces."""

@@ -234,7 +234,7 @@ class Mesh(_Part):
     @property
     def points(self) -> Vector:
         """(n, 3) the corners of its convex hull, m."""
-        from testbed.urdf_bodies import link_shape  # meshes are slow to load
+        from testbed.bodies.urdf_bodies import link_shape  # meshes are slow to load
 
         return link_shape(Path(self.urdf), self.link).points * self.factor
 

@@ -11,7 +11,7 @@ A cell has the scenario's own keys, merged deeply: mappings key by key, teachers
 ``all`` for everybody and ``0``, ``1``, ... for one of them); anything else, distributions and another ``kind`` of
 gait included, takes the place of what was there. Cells of a trial draw alike what they do not change.
 
-The cells of a ``sweep:`` are those of its design (:mod:`testbed.scenario_sweep`), merged when they are asked for.
+The cells of a ``sweep:`` are those of its design (:mod:`testbed.scenario.sweep`), merged when they are asked for.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 
 from testbed.documents import Document, Source, validate
 from testbed.errors import UserError, did_you_mean
-from testbed.scenario_points import Point, Sweep, expanded
-from testbed.scenario_specs import Scenario
-from testbed.scenario_sweep import UNNAMED
-from testbed.scenario_variation import Place, is_distribution
+from testbed.scenario.points import Point, Sweep, expanded
+from testbed.scenario.specs import Scenario
+from testbed.scenario.sweep import UNNAMED
+from testbed.scenario.variation import Place, is_distribution
 
 ONLY_CELL = "default"
 """What the cell of a scenario without cells is called."""

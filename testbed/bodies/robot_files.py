@@ -46,8 +46,8 @@ def copies_of(path: Path) -> dict[str, bytes]:
 
 def _with_meshes(path: Path) -> tuple[bytes, dict[str, bytes]]:
     """A URDF's text with its meshes named ``<stem>-<hash8>.<suffix>``, and these."""
-    from testbed.urdf_reading import mesh_file, named_meshes  # needs more than others do
-    from testbed.xml_reading import parsed_xml, read_xml
+    from testbed.bodies.urdf_reading import mesh_file, named_meshes  # needs more than others do
+    from testbed.bodies.xml_reading import parsed_xml, read_xml
 
     names = named_meshes(read_xml(path))
     text = path.read_bytes()

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from testbed.morphology import Cuboid, Mesh, Morphology, Part, Sphere
+from testbed.bodies.morphology import Cuboid, Mesh, Morphology, Part, Sphere
 
 _CM = 100.0
 _GRAMS = 1000.0

@@ -9,7 +9,7 @@
         teachers.all.distance: {log_uniform: [0.45, 1.8], steps: 5}
       control: {teachers.all.distance: 0.9}
 
-Every point of the design is a cell (:mod:`testbed.scenario_cells`) that every other is matched with: same trials, same
+Every point of the design is a cell (:mod:`testbed.scenario.cells`) that every other is matched with: same trials, same
 chances. The *control* is the scenario as it stands, with what ``control:`` says; all cells depart from it. Several
 sweeps of a scenario are blocks by name, ``sweep: {size: {over: ...}, facing: {over: ...}}``.
 
@@ -27,8 +27,8 @@ from pydantic import Field, field_validator, model_validator
 
 from testbed.document_errors import mistake
 from testbed.errors import did_you_mean
-from testbed.scenario_base import Identifier, Spec
-from testbed.scenario_variation import plain
+from testbed.scenario.base import Identifier, Spec
+from testbed.scenario.variation import plain
 
 UNNAMED = "sweep"
 """What the only block of a sweep is called."""

@@ -8,14 +8,14 @@ from xml.etree import ElementTree as xml
 
 import numpy as np
 
-from testbed.morphology import CappedCylinder, Cuboid, Joint, Mesh, Morphology, Part, Sphere, Vector
+from testbed.bodies.morphology import CappedCylinder, Cuboid, Joint, Mesh, Morphology, Part, Sphere, Vector
 
 
 def write_urdf(body: Morphology, folder: Path) -> Path:
     """Write the body into a folder as ``body.urdf``, with its meshes beside it."""
     for number, part in enumerate(body.parts.values()):
         if isinstance(part, Mesh):
-            from testbed.urdf_bodies import link_shape  # meshes are slow to load
+            from testbed.bodies.urdf_bodies import link_shape  # meshes are slow to load
 
             shape = link_shape(Path(part.urdf), part.link)
             for name, mesh in zip(
@@ -82,7 +82,7 @@ def _link(name: str, part: Cuboid | Sphere | CappedCylinder, offset: float) -> x
 
 
 def _mesh_link(name: str, part: Mesh, number: int) -> xml.Element:
-    from testbed.urdf_bodies import link_shape  # meshes are slow to load
+    from testbed.bodies.urdf_bodies import link_shape  # meshes are slow to load
 
     x, y, z = (length * part.factor for length in part.centre)
     link = _heavy_link(name, part, (x, y, z))

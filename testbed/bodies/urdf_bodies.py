@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from testbed.bodies.meshes import Shape, shape_of_pieces
+from testbed.bodies.morphology import Joint, Morphology
+from testbed.bodies.parts import Mesh, Vector
+from testbed.bodies.urdf_reading import TURNING, Geometry, UrdfFile, UrdfJoint, read_urdf_file
 from testbed.errors import UserError
-from testbed.meshes import Shape, shape_of_pieces
-from testbed.morphology import Joint, Morphology
-from testbed.parts import Mesh, Vector
-from testbed.urdf_reading import TURNING, Geometry, UrdfFile, UrdfJoint, read_urdf_file
 
 _DENSITY = 600.0  # kg/m3 of a robot whose file tells no masses
 _DENSEST = 30_000.0

@@ -18,7 +18,10 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import Abort, Exit, TyperException
 
-from testbed import cli_calibrate, cli_hardware, cli_replay, cli_results
+from testbed.cli import calibrate as cli_calibrate
+from testbed.cli import hardware as cli_hardware
+from testbed.cli import replay as cli_replay
+from testbed.cli import results as cli_results
 from testbed.errors import UserError, one_line, shown_path
 
 _STOPPED = 130  # 128 + SIGINT, as shells have it
@@ -150,7 +153,7 @@ def check(file: ScenarioFile, as_json: AsJson = False) -> None:
 def list_names(as_json: AsJson = False) -> None:
     """List the scenarios, robots, gaits and students that can be named."""
     from testbed.resources import robot_names, scenario_names
-    from testbed.scenario_specs import STUDENT_METHODS
+    from testbed.scenario.specs import STUDENT_METHODS
     from testbed.world.gaits import preset_names
 
     names = {
@@ -175,9 +178,9 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Draw a robot and tell its parts, masses and joints."""
+    from testbed.bodies.morphology import load_robot
+    from testbed.bodies.robot_table import joint_table, part_table, plain_facts
     from testbed.experiment.atomic import refused_writes_explained
-    from testbed.morphology import load_robot
-    from testbed.robot_table import joint_table, part_table, plain_facts
 
     body = load_robot(robot)
     picture = out or Path(f"{body.name}.png")

@@ -15,15 +15,15 @@ import numpy as np
 
 from testbed.documents import Document, Source, validate
 from testbed.errors import UserError
-from testbed.scenario_bodies import BodyPlan, drawn_tree
-from testbed.scenario_specs import Scenario
-from testbed.scenario_student import DamageSpec, Deviation, RealityGap, StudentSpec
-from testbed.scenario_teacher import FARTHEST, GaitSpec, Harmonic, JointWave, RandomWaves, TeacherSpec
-from testbed.scenario_variation import Choice, Place, chance, corners, place_of, realised, replaced, value_of
-from testbed.scenario_view import nearest_distance
+from testbed.scenario.bodies import BodyPlan, drawn_tree
+from testbed.scenario.specs import Scenario
+from testbed.scenario.student import DamageSpec, Deviation, RealityGap, StudentSpec
+from testbed.scenario.teacher import FARTHEST, GaitSpec, Harmonic, JointWave, RandomWaves, TeacherSpec
+from testbed.scenario.variation import Choice, Place, chance, corners, place_of, realised, replaced, value_of
+from testbed.scenario.view import nearest_distance
 
 if TYPE_CHECKING:
-    from testbed.morphology import Joint, Morphology
+    from testbed.bodies.morphology import Joint, Morphology
 
 _BODILY = ("robot", "scale", "limb_scale", "distance")
 _SMALLEST_FACTOR = 0.2

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from testbed.scenario_specs import RigSpec
-from testbed.scenario_teacher import TeacherSpec
+from testbed.scenario.specs import RigSpec
+from testbed.scenario.teacher import TeacherSpec
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology
+    from testbed.bodies.morphology import Morphology
     from testbed.world.placement import Placement
 
 Ends = list[tuple[float, float]]

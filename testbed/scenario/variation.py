@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from testbed.document_errors import mistake
-from testbed.scenario_base import Spec
+from testbed.scenario.base import Spec
 
 Place = tuple[str | int, ...]
 DRAWN_ELSEWHERE = ("random", "reality_gap")

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from testbed.document_errors import mistake
-from testbed.scenario_base import LARGEST_SEED
+from testbed.scenario.base import LARGEST_SEED
 
 DEVELOPMENT = "development"
 """What the file itself is called where it has splits and does not say."""

@@ -12,13 +12,13 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from testbed.document_errors import mistake
 from testbed.documents import Source
-from testbed.scenario_base import LARGEST_SEED, STEP_TOLERANCE, Identifier, Spec, unit_field
-from testbed.scenario_clutter import MOST_CLUTTER, ClutterSpec
-from testbed.scenario_splits import DEVELOPMENT, check_splits
-from testbed.scenario_student import MindSpec, StudentSpec
-from testbed.scenario_sweep import SweepSpec, sweeps_by_name
-from testbed.scenario_teacher import MOST_TEACHERS, GaitSpec, JointWave, TeacherSpec
-from testbed.scenario_variation import middle, place_of, plain, replaced, spelled, varied
+from testbed.scenario.base import LARGEST_SEED, STEP_TOLERANCE, Identifier, Spec, unit_field
+from testbed.scenario.clutter import MOST_CLUTTER, ClutterSpec
+from testbed.scenario.splits import DEVELOPMENT, check_splits
+from testbed.scenario.student import MindSpec, StudentSpec
+from testbed.scenario.sweep import SweepSpec, sweeps_by_name
+from testbed.scenario.teacher import MOST_TEACHERS, GaitSpec, JointWave, TeacherSpec
+from testbed.scenario.variation import middle, place_of, plain, replaced, spelled, varied
 from testbed.student.methods import STUDENT_METHODS
 
 __all__ = [
@@ -148,17 +148,17 @@ class Scenario(Spec):
     teachers: tuple[TeacherSpec, ...] = Field(max_length=MOST_TEACHERS)
     cells: dict[Identifier, dict[str, Any]] = Field(
         default_factory=dict,
-        description="variants by name: what each says otherwise, see testbed.scenario_cells",
+        description="variants by name: what each says otherwise, see testbed.scenario.cells",
     )
     sweep: dict[Identifier, SweepSpec] = Field(
-        default_factory=dict, description="variants by the design, see testbed.scenario_sweep"
+        default_factory=dict, description="variants by the design, see testbed.scenario.sweep"
     )
     split: Identifier | None = Field(
         None, description="what the scenario as it stands is called among its splits"
     )
     splits: dict[Identifier, dict[str, Any]] = Field(
         default_factory=dict,
-        description="the same on other teachers and chances, by name, see testbed.scenario_splits",
+        description="the same on other teachers and chances, by name, see testbed.scenario.splits",
     )
     variation: dict[str, Any] = Field(
         default_factory=dict,

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator
 
+from testbed.bodies.parts import Texture
 from testbed.document_errors import mistake
-from testbed.parts import Texture
-from testbed.scenario_base import Spec, unit_field
-from testbed.scenario_bodies import Robot, body_of
-from testbed.scenario_gait import AnswerSpec, GaitSpec, Harmonic, JointWave, RandomWaves, WaveForm, waved
+from testbed.scenario.base import Spec, unit_field
+from testbed.scenario.bodies import Robot, body_of
+from testbed.scenario.gait import AnswerSpec, GaitSpec, Harmonic, JointWave, RandomWaves, WaveForm, waved
 
 if TYPE_CHECKING:
-    from testbed.morphology import Morphology
+    from testbed.bodies.morphology import Morphology
 
 __all__ = [
     "FARTHEST",
@@ -86,7 +86,7 @@ class TeacherSpec(Spec):
         """The teacher's body, in its own size and with its own looks.
 
         Raises:
-            UserError: As :func:`testbed.scenario_bodies.body_of` does.
+            UserError: As :func:`testbed.scenario.bodies.body_of` does.
         """
         body = body_of(self.robot)
         if self.limb_scale != 1.0:

@@ -17,8 +17,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from testbed.errors import UserError
-from testbed.scenario_sweep import Axis, Level, Sobol, SweepSpec, level_name
-from testbed.scenario_variation import Place
+from testbed.scenario.sweep import Axis, Level, Sobol, SweepSpec, level_name
+from testbed.scenario.variation import Place
 
 CONTROL = "control"
 _LONGEST_NAME = 200
