@@ -40,21 +40,34 @@ def rows(settings: Settings) -> Iterator[Row]:
 
 def one_trial(settings: Settings) -> Iterator[Row]:
     """The same teacher, the same world; another trial in each round."""
-    calls = {name: living(name) for name in ("like_me", "paper")}
+    calls = {
+        "like_me": living("like_me"),
+        "paper": living("paper"),
+        "and imitates": living("like_me", imitates=True),
+    }
     for call in calls.values():
         call()  # compiles, or loads what was compiled
     seconds = interleaved(calls, min(settings.rounds, 7), once=True)
     name = "a whole trial of like_me: self-discovery, one teacher, verdict"
-    yield within(
-        name, LIKE_ME_SECONDS, seconds["like_me"], note="processor time, as in all rows of one process"
-    )
+    world = "processor time, the world with its pictures included"
+    yield within(name, LIKE_ME_SECONDS, seconds["like_me"], note=world)
     yield faster(name, "the student `paper`", seconds["paper"], seconds["like_me"])
+    more = "and then it practises and imitates"
+    yield faster(f"{name}, {more}", "without", seconds["like_me"], seconds["and imitates"])
 
 
-def living(student: str) -> Callable[[], object]:
-    """One trial after the other with one teacher."""
+def living(student: str, *, imitates: bool = False) -> Callable[[], object]:
+    """One trial after the other with one teacher, up to the verdict or to the end."""
     of = load_scenario("whom_to_imitate" if student == "like_me" else "paper")
     scenario = with_overrides(of, seed=SEED).model_copy(update={"beside": (), "teachers": of.teachers[:1]})
+    if not imitates:
+        parameters = scenario.student.parameters
+        step = scenario.world.control_step
+        brief = parameters.performing.model_copy(update={"practice": 0, "seconds": step, "ramp": step})
+        spec = scenario.student.model_copy(
+            update={"parameters": parameters.model_copy(update={"performing": brief})}
+        )
+        scenario = scenario.model_copy(update={"student": spec})
     numbers = itertools.count()
     return lambda: run_trial(scenario, next(numbers))
 

@@ -54,6 +54,15 @@ def test_a_trial_has_a_row_for_each_teacher_and_one_for_the_student(result: Tria
         assert row["final_error"] <= row["initial_error"]
 
 
+def test_a_student_looks_only_at_what_it_said_it_would_look_at(
+    result: TrialResult, hasty: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        World, "looking", property(lambda world: True, lambda world, looking: None), raising=False
+    )
+    assert same(run_trial(hasty, 0), result)
+
+
 def test_arrays_have_the_shapes_that_the_documentation_tells(result: TrialResult, hasty: Scenario) -> None:
     parameters = hasty.student.parameters
     shapes = {key: value.shape for key, value in result.arrays.items()}
@@ -143,6 +152,10 @@ class Recorder:
     @property
     def done(self) -> bool:
         return self.student.done
+
+    @property
+    def looking(self) -> bool:
+        return self.student.looking
 
     def act(self, observation: dict[str, Any]) -> Any:
         self.sensed.append({key: value.copy() for key, value in observation.items()})

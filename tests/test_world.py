@@ -178,6 +178,24 @@ def test_images_have_noise_and_come_at_the_cameras_rate(world: World) -> None:
     assert 1.0 < np.std(frames[-1].astype(float) - frames[0]) < 4.0
 
 
+def test_what_is_seen_later_does_not_depend_on_pictures_that_nobody_wanted(scenario: Scenario) -> None:
+    """White while they are not wanted, and no pictures; then as if all had been taken, noise and all."""
+    worlds = [World(scenario, max_cycles=40) for _ in range(2)]
+    for world in worlds:
+        world.reset(seed=4)
+    frame = round(1 / (scenario.rig.camera_rate * scenario.world.control_step))
+    for step in range(1, 40):
+        worlds[1].looking = not 2 * frame < step <= 5 * frame
+        seen, spared = (world.step(rest(world))[0]["student"] for world in worlds)
+        white = 3 * frame <= step < 6 * frame
+        for side in ("left", "right"):
+            expected = np.full_like(seen[side], 255) if white else seen[side]
+            np.testing.assert_array_equal(spared[side], expected, err_msg=f"step {step}")
+        np.testing.assert_array_equal(spared["tilt"], seen["tilt"])
+    for world in worlds:
+        world.close()
+
+
 def test_a_teacher_feels_how_far_the_gaze_passes_it_by(world: World) -> None:
     observations, _ = world.reset(seed=0)
     assert observations["teacher_0"]["gaze"][0] == pytest.approx(math.radians(30))

@@ -133,7 +133,7 @@ class Lived:
         """See :class:`Backend`."""
         return self._now.movement if robot == STUDENT else 0.0
 
-    def look(self) -> Pair:
+    def look(self, wanted: bool = True) -> Pair:
         """See :class:`Backend`."""
         assert self._pair is not None, "a world is reset before anybody looks"
         return self._pair

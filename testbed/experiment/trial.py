@@ -105,6 +105,7 @@ def senses_of(scenario: Scenario) -> Senses:
         pan_limit=math.radians(rig.pan_limit_deg),
         pan_speed=math.radians(rig.pan_speed_deg),
         control_step=scenario.world.control_step,
+        frame_time=1 / rig.camera_rate,
     )
 
 
@@ -133,6 +134,7 @@ def live(
     while world.agents and not student.done:
         actions: Arrays = {name: policy.act(observations[name]) for name, policy in policies.items()}
         actions[STUDENT] = think(functools.partial(student.act, observations[STUDENT]))
+        world.looking = student.looking
         observations, *_ = world.step(actions)
         witness.note(actions[STUDENT])
     if not student.done:

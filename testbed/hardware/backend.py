@@ -203,7 +203,7 @@ class HardwareBackend:
         """See :class:`Backend`; how fast the student's servos were told to turn."""
         return self._turned if robot == STUDENT else 0.0
 
-    def look(self) -> Pair:
+    def look(self, wanted: bool = True) -> Pair:
         """See :class:`Backend`. A new pair at the scenario's rate, which may be less than the cameras'."""
         frame = self._step // self._steps_per_frame
         if self._frame is None or self._frame[0] != frame:

@@ -94,6 +94,9 @@ class Student:
         self._joints, self._pan = np.zeros(len(prior.motors)), 0.0
         self._sight = Sight(senses.rig, self._minds[0].parameters.looking.dark_below)
         self._steps = 0
+        # Between two looks that are not one watching, a whole frame passes.
+        self._blinks = senses.frame_time <= self._minds[0].parameters.looking.dwell_time
+        self.looking = True  # at the images that come next
         self._acting: Generator[NDArray[np.float32], Observation, Life] | None = None
         self.life: Life | None = None
 
@@ -239,7 +242,7 @@ class Student:
         due = sorted({look for looks in wanted.values() for look in looks})
         frames, steps = [], []
         for now, look in zip([0, *due], due, strict=False):
-            seen = yield from self._wait(look - now)
+            seen = yield from self._wait(look - now, look=True)
             frames.append((seen["left"], seen["right"]))
             steps.append(self._steps)
         watched = Watched(np.array(frames), np.array(due) * step - turning)
@@ -250,7 +253,7 @@ class Student:
         """The evolved controller drives the student itself, one command a control step."""
         for step, command in enumerate(commands):
             self._joints = command
-            yield self._action()
+            yield from self._wait(1)
             self._progress("performing", step + 1, len(commands))
         return len(commands)
 
@@ -263,10 +266,12 @@ class Student:
         """Turn the rig and, once there, keep it for a while; returns what is sensed at the end of it."""
         turning = abs(pan - self._pan) / self._senses.pan_speed
         self._pan = pan
-        return (yield from self._hold(self._joints, turning + seconds))
+        steps = max(1, round((turning + seconds) / self._senses.control_step))
+        return (yield from self._wait(steps, look=True))
 
-    def _wait(self, steps: int) -> Acting:
-        """Let control steps pass; returns what is sensed at the end of them."""
+    def _wait(self, steps: int, *, look: bool = False) -> Acting:
+        """Let control steps pass, with or without looking; returns what is sensed at the end of them."""
+        self.looking = look or not self._blinks
         sensed: Observation = {}
         for _ in range(steps):
             sensed = yield self._action()

@@ -28,9 +28,11 @@ class Senses:
         pan_limit: How far the rig turns to either side, rad.
         pan_speed: How fast it turns, rad/s.
         control_step: Seconds between two actions.
+        frame_time: Seconds between two pairs of images.
     """
 
     rig: StereoRig
     pan_limit: float
     pan_speed: float
     control_step: float
+    frame_time: float

@@ -51,8 +51,12 @@ class Backend(Protocol):
         """How fast a robot's fastest limb turned in the last control step, rad/s; 0 if unknown."""
         ...
 
-    def look(self) -> Pair:
-        """(2, 75, 100) luminosity: the newest left and right image of the rig."""
+    def look(self, wanted: bool = True) -> Pair:
+        """(2, 75, 100) luminosity: the newest left and right image of the rig.
+
+        A pair that begins while nobody wants it may be white: a simulation is spared the picture. All later ones are
+        as if it had been taken.
+        """
         ...
 
     def picture(self, width: int, height: int) -> NDArray[np.uint8]:

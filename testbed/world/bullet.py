@@ -142,12 +142,14 @@ class SimulatedBackend:
         """See :class:`Backend`; known of the student alone, whom everybody sees."""
         return self._turned if robot == STUDENT else 0.0
 
-    def look(self) -> Pair:
+    def look(self, wanted: bool = True) -> Pair:
         """See :class:`Backend`. A new frame comes at the camera's rate; between two frames the last one stays."""
         frame = self._step // self._steps_per_frame
         if self._frame is None or self._frame[0] != frame:
-            taken = self._expose_pair()  # also if it is lost: those that arrive are the same without losses
-            lost = self._drop_rng.random() < self._scenario.rig.frame_drops
+            drops = self._scenario.rig.frame_drops
+            # Also if it is lost: those that arrive are the same without losses. What is kept for a lost one is wanted.
+            taken = self._expose_pair() if wanted or drops else self._pass_over_pair()
+            lost = self._drop_rng.random() < drops
             if self._frame is None or not lost:
                 self._exposed = self._step
             self._frame = (frame, self._frame[1] if lost and self._frame is not None else taken)
@@ -244,6 +246,12 @@ class SimulatedBackend:
             for picture in pictures
         ]
         return np.stack(exposed)
+
+    def _pass_over_pair(self) -> Pair:
+        """White, with the noise drawn that it would have had: what is seen later does not depend on it."""
+        for _ in range(2):
+            self._camera_rng.normal(0.0, self._scenario.rig.camera_noise, IMAGE)
+        return np.full((2, *IMAGE), 255, np.uint8)
 
     def _pictures(self, places: Vector) -> Iterator[NDArray[np.float32]]:
         """What cameras at these places (m, 3) see, by Bullet's renderer."""

@@ -66,6 +66,8 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
         self.scenario = scenario = drawn(scenario, 0)
         self.render_mode = render_mode
         self._images = images
+        self.looking = True
+        """Whether pictures are wanted; while they are not, those of the simulation are white and cost nothing."""
         self._max_cycles = max_cycles or scenario.world.max_cycles
         self.metadata: dict[str, Any] = {
             "name": "whom_to_imitate_v0",
@@ -182,7 +184,7 @@ class World(ParallelEnv[str, Observation, NDArray[np.floating[Any]]]):  # type: 
                 own["gaze"] = np.array((passing,), np.float32)
                 own["movement"] = np.array((movement,), np.float32)
             elif self._images:
-                left, right = self.backend.look()
+                left, right = self.backend.look(self.looking)
                 own["left"], own["right"] = left.copy(), right.copy()
         self._last = observations
         return observations
