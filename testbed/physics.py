@@ -155,15 +155,14 @@ class Simulation:
         for name in names:
             body = self._bodies[name]
             (x, y, z), orientation = body.start
-            self.pose(name, np.array([x, y, z + _OUT_OF_REACH, *orientation]), body.morphology.rest)
+            self.pose(name, np.array([x, y, z + _OUT_OF_REACH, *orientation]), body.rest)
         pybullet.performCollisionDetection(physicsClientId=self.client)
         for name in names:
             self._locked.pop(name, None)
             self._told.pop(name, None)
             body = self._bodies[name]
-            rest = body.morphology.rest
-            self.pose(name, np.array([*body.start[0], *body.start[1]]), rest)
-            self.command(name, rest)
+            self.pose(name, np.array([*body.start[0], *body.start[1]]), body.rest)
+            self.command(name, body.rest)
 
     def pose(self, name: str, base: NDArray[np.floating], joints: NDArray[np.floating]) -> None:
         """Set a body's state, at rest.

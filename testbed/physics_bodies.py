@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.bodies.morphology import Mesh, Morphology
+from testbed.bodies.morphology import Mesh, Morphology, Vector
 from testbed.bodies.parts import Texture
 from testbed.bodies.urdf import to_urdf, write_urdf
 from testbed.silence import silence
@@ -39,6 +39,7 @@ class Body:
         motors: Link number of every joint, in the morphology's order.
         torques: N m of every joint.
         speeds: rad/s of every joint.
+        rest: Joint angles of a body that lies flat, rad.
         floor: Bullet's number for its pedestal; None on the ground.
     """
 
@@ -49,6 +50,7 @@ class Body:
     motors: tuple[int, ...]
     torques: tuple[float, ...]
     speeds: tuple[float, ...]
+    rest: Vector
     floor: int | None
 
 
@@ -94,6 +96,7 @@ def load_body(
         motors=tuple(links[joint] for joint in joints),
         torques=tuple(joint.torque for joint in joints.values()),
         speeds=tuple(math.radians(joint.speed_deg) for joint in joints.values()),
+        rest=morphology.rest,
         floor=_floor(client, number, place, height, ground_friction) if height and not fixed else None,
     )
 
