@@ -39,6 +39,8 @@ BREAKS = 0.35  # s after the first step
 class Waver:
     """Waves and looks at the first teacher, for some steps; does the same again if it senses the same again."""
 
+    looking = True
+
     def __init__(self, pause: Callable[[int], None] = lambda step: None) -> None:
         self._step, self._pause = 0, pause
 
