@@ -8,7 +8,7 @@ from typing import Protocol
 
 import serial
 
-from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, TiltCalibration
+from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, TiltCalibration, today
 from testbed.hardware.clock import readable
 from testbed.hardware.emulation.wire import Wire
 from testbed.hardware.line.protocol import (
@@ -23,6 +23,7 @@ from testbed.hardware.line.protocol import (
 )
 from testbed.hardware.robots.board import Address
 
+TODAY = today()
 UNIQUE = "1122334455667788"
 JOINTS = ("left", "right")
 _SLICE = 0.00025
@@ -124,9 +125,7 @@ def servos(
         )
         for number, joint in enumerate(joints)
     }
-    return ServoCalibration(
-        unique_id=unique_id, board_id=board_id, created="2026-01-01T00:00:00+00:00", joints=lines
-    )
+    return ServoCalibration(unique_id=unique_id, board_id=board_id, created=TODAY, joints=lines)
 
 
 def upright(unique_id: str = UNIQUE, board_id: str = "hob") -> TiltCalibration:
@@ -134,7 +133,7 @@ def upright(unique_id: str = UNIQUE, board_id: str = "hob") -> TiltCalibration:
     return TiltCalibration(
         unique_id=unique_id,
         board_id=board_id,
-        created="2026-01-01T00:00:00+00:00",
+        created=TODAY,
         rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
         bias=(0.0, 0.0, 0.0),
         scale=(1.0, 1.0, 1.0),

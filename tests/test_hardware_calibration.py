@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from testbed.hardware.calibration.records import (
     load_tilt,
     save_calibration,
 )
-from testbed.hardware.failures import CalibrationForeign, NotCalibrated
+from testbed.hardware.failures import CalibrationForeign, CalibrationStale, NotCalibrated
 
 angle = st.floats(-1, 1)
 
@@ -50,6 +51,18 @@ def test_one_that_is_missing_foreign_or_of_another_version_is_refused(tmp_path: 
     path.write_text(path.read_text().replace("version: 1", "version: 2"))
     with pytest.raises(CalibrationForeign, match="is of version 2, not 1"):
         load_servos(tmp_path, UNIQUE)
+
+
+def test_one_of_servos_is_not_believed_for_ever(tmp_path: Path) -> None:
+    for days, good in ((179, True), (181, False)):
+        made = datetime.datetime.now(datetime.UTC) - datetime.timedelta(days=days)
+        old = servos().model_copy(update={"created": made.isoformat()})
+        save_calibration(old, tmp_path)
+        refused = pytest.raises(
+            CalibrationStale, match=r"181 days old, more than 180; run .*calibrate servos"
+        )
+        with contextlib.nullcontext() if good else refused:
+            assert load_servos(tmp_path, UNIQUE) == old
 
 
 def test_a_damaged_file_is_refused_wherever_it_is_damaged(tmp_path: Path) -> None:

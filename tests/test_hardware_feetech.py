@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from one_board import UNIQUE, Peer, Table, upright
 
-from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, save_calibration
+from testbed.hardware.calibration.records import JointCalibration, ServoCalibration, save_calibration, today
 from testbed.hardware.emulation.feetech_bus import FeetechBus
 from testbed.hardware.emulation.wire import Wire, WireFaults
 from testbed.hardware.failures import (
@@ -47,7 +47,7 @@ def calibration(unit: str = "ticks", unique_id: str = ADAPTER) -> ServoCalibrati
         for number, name in enumerate(IDS)
     }
     return ServoCalibration.model_validate(
-        {"unit": unit, "unique_id": unique_id, "board_id": "student", "created": "now", "joints": joints}
+        {"unit": unit, "unique_id": unique_id, "board_id": "student", "created": today(), "joints": joints}
     )
 
 

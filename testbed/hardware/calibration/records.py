@@ -15,17 +15,20 @@ from typing import Literal, TypeVar
 
 import numpy as np
 import yaml
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from testbed.bodies.parts import Vector
 from testbed.documents import plain_scalar, read_document, validate
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import write_text
 from testbed.frozen import Frozen
-from testbed.hardware.failures import CalibrationForeign, NotCalibrated
+from testbed.hardware.failures import CalibrationForeign, CalibrationStale, NotCalibrated
 
 VERSION = 1
 """Of the form of these files; a file of another one is measured anew, never guessed at."""
+
+OLDEST_SERVOS = 180.0
+"""Days; a stereo rig's is believed for :data:`testbed.hardware.calibration.rig.OLDEST`, a screw moves it sooner."""
 
 _COUNTS_PER_G = 16384.0
 _Triple = tuple[float, float, float]
@@ -36,6 +39,18 @@ class _Calibration(Frozen):
     unique_id: str = Field(description="whose it is")
     board_id: str = Field(description="what that board was named when this was measured")
     created: str = Field(description="when, UTC")
+
+    @field_validator("created")
+    @classmethod
+    def _is_a_moment(cls, created: str) -> str:
+        if datetime.fromisoformat(created).tzinfo is None:
+            raise ValueError("needs its offset from UTC")
+        return created
+
+    @property
+    def age(self) -> float:
+        """Days since it was made."""
+        return (datetime.now(UTC) - datetime.fromisoformat(self.created)).total_seconds() / 86400
 
 
 class JointCalibration(Frozen):
@@ -153,8 +168,14 @@ def load_servos(folder: Path, unique_id: str, board_id: str | None = None) -> Se
     Raises:
         NotCalibrated: If there is none or the file is damaged.
         CalibrationForeign: If it is of another device or another version.
+        CalibrationStale: If it is older than :data:`OLDEST_SERVOS` days: horns slip and gears wear.
     """
-    return _load(ServoCalibration, "servos", folder, unique_id, board_id)
+    calibration = _load(ServoCalibration, "servos", folder, unique_id, board_id)
+    if calibration.age > OLDEST_SERVOS:
+        what = f"the servo calibration of {calibration.board_id} is {calibration.age:.0f} days old"
+        mend = "run 'testbed hardware calibrate servos'"
+        raise CalibrationStale(f"{what}, more than {OLDEST_SERVOS:.0f}", mend)
+    return calibration
 
 
 def load_tilt(folder: Path, unique_id: str, board_id: str | None = None) -> TiltCalibration:

@@ -5,7 +5,6 @@ Nothing is armed and nothing moves.
 
 from __future__ import annotations
 
-import datetime
 import grp
 import os
 import stat
@@ -15,11 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from testbed.bodies.parts import Vector
-from testbed.hardware.calibration.records import ServoCalibration, load_servos, load_tilt, tilt_from
+from testbed.hardware.calibration.records import (
+    ServoCalibration,
+    TiltCalibration,
+    load_servos,
+    load_tilt,
+    tilt_from,
+)
 from testbed.hardware.clock import Clock
 from testbed.hardware.doctor.checks import Check, Outcome, checked, failed, passed, skipped
 from testbed.hardware.failures import (
-    CalibrationStale,
     HardwareFailure,
     ImuMissing,
     ImuStuck,
@@ -39,8 +43,6 @@ READS = 300
 """So many exchanges tell a line that loses 1% of them from one that loses none (95%)."""
 MOST_RETRIES = 0.02
 """Of the exchanges on a good cable none is repeated; 2% still leave one lost command in 10**8."""
-OLDEST_SERVOS = 180.0
-"""Days: horns slip and gears wear."""
 _COUNTS_PER_G = 16384.0
 AT_REST = (0.8, 1.2)
 """g: what a calibrated sensor at rest feels."""
@@ -200,7 +202,7 @@ class BoardDoctor:
         size = float(np.linalg.norm(up))
         side, nose = np.degrees(tilt_from(up))
         found = (
-            f"{_age(calibration.created)}, residual {calibration.residual_deg:.2f}°; now {size:.3f} g, "
+            f"{_age(calibration)}, residual {calibration.residual_deg:.2f}°; now {size:.3f} g, "
             f"{side:+.1f}° to the side, {nose:+.1f}° nose-down"
         )
         if not AT_REST[0] <= size <= AT_REST[1]:
@@ -212,19 +214,11 @@ class BoardDoctor:
 
 
 def servos_in_words(calibration: ServoCalibration) -> str:
-    """How old a servo calibration is, and how far its joints may turn.
-
-    Raises:
-        CalibrationStale: If it is too old.
-    """
-    days = _days(calibration.created)
-    if days > OLDEST_SERVOS:
-        what = f"the servo calibration is {days:.0f} days old, more than {OLDEST_SERVOS:.0f}"
-        raise CalibrationStale(what, "run 'testbed hardware calibrate servos'")
+    """How old a servo calibration is, and how far its joints may turn."""
     joints = ", ".join(
         f"{name} {joint.low_deg:.0f} to {joint.high_deg:.0f}°" for name, joint in calibration.joints.items()
     )
-    return f"{_age(calibration.created)}; {joints}"
+    return f"{_age(calibration)}; {joints}"
 
 
 def _not_stopped(name: str, state: State, identity: Identity) -> str:
@@ -239,11 +233,5 @@ def _not_stopped(name: str, state: State, identity: Identity) -> str:
     return ", ".join([armed, *latched, f"last boot by {reset_cause(identity)}"])
 
 
-def _days(created: str) -> float:
-    made = datetime.datetime.fromisoformat(created)
-    return (datetime.datetime.now(datetime.UTC) - made).total_seconds() / 86400
-
-
-def _age(created: str) -> str:
-    days = _days(created)
-    return "made today" if days < 1 else f"{days:.0f} days old"
+def _age(calibration: ServoCalibration | TiltCalibration) -> str:
+    return "made today" if calibration.age < 1 else f"{calibration.age:.0f} days old"
