@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.bodies.morphology import load_robot
+from testbed.hardware.clock import StillClock
 from testbed.hardware.emulation.cameras import emulated_pair
 from testbed.hardware.emulation.lens import RigTruth, built_rig
 from testbed.hardware.emulation.scenes import RobotScene
@@ -20,20 +21,6 @@ from testbed.vision.camera import StereoRig as StudentRig
 EYES = StudentRig()
 
 DARK_BELOW = 180
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.time = 100.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
-
-    def wait(self, port: object, deadline: float) -> bool:
-        raise NotImplementedError
 
 
 class Bench:
@@ -54,7 +41,7 @@ class Bench:
             self.simulation.add(name, load_robot("crawler"), place=place, yaw=math.radians(yaw))
             self.simulation.command(name, np.array([0.7, -0.5]))
         self.simulation.step(100)
-        self.clock = Clock()
+        self.clock = StillClock(100.0)
         self.truth = rig or built_rig(np.random.default_rng(5))
         self.scene = RobotScene(self.simulation, RigSpec(), lambda: self.pan)
         self.left, self.right = emulated_pair(self.truth, self.scene, self.clock)
@@ -63,7 +50,7 @@ class Bench:
 
     def renewed(self) -> Bench:
         """The same world with cameras that nothing is wrong with."""
-        self.pan, self.clock = math.radians(-35), Clock()
+        self.pan, self.clock = math.radians(-35), StillClock(100.0)
         self.left, self.right = emulated_pair(self.truth, self.scene, self.clock)
         return self
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.hardware.clock import StillClock
 from testbed.hardware.emulation.cameras import EmulatedCamera, emulated_pair
 from testbed.hardware.emulation.lens import SIZE, Lens, Mount, RigTruth
 from testbed.hardware.emulation.scenes import Picture, Shot
@@ -22,20 +23,6 @@ from testbed.hardware.rig.cameras import Frame
 from testbed.hardware.rig.pairing import Pairing, PairingSpec
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.time = 5.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
-
-    def wait(self, port: object, deadline: float) -> bool:
-        raise NotImplementedError
-
-
 class Wall:
     """A plain grey wall."""
 
@@ -46,13 +33,13 @@ class Wall:
         return seen
 
 
-def cameras(clock: Clock, phase: float = 0.004) -> tuple[EmulatedCamera, EmulatedCamera]:
+def cameras(clock: StillClock, phase: float = 0.004) -> tuple[EmulatedCamera, EmulatedCamera]:
     left, right = emulated_pair(RigTruth(), Wall(), clock)
     right._start = clock.now() + phase
     return left, right
 
 
-def follow(pairing: Pairing, clock: Clock, seconds: float, step: float = 1 / 60) -> list[float]:
+def follow(pairing: Pairing, clock: StillClock, seconds: float, step: float = 1 / 60) -> list[float]:
     """Look again and again; how far apart (s) the frames of each pair were."""
     gaps, last = [], None
     for _ in range(round(seconds / step)):
@@ -70,7 +57,7 @@ def follow(pairing: Pairing, clock: Clock, seconds: float, step: float = 1 / 60)
 @settings(max_examples=6, deadline=None)
 @given(phase=st.floats(0, 1 / 30), drops=st.floats(0, 0.4))
 def test_pairs_are_never_further_apart_than_said(phase: float, drops: float) -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock, phase)
     left.faults.dropping = right.faults.dropping = drops
     gaps = follow(Pairing(left, right, clock, PairingSpec(patience=1.0)), clock, 1.0)
@@ -79,7 +66,7 @@ def test_pairs_are_never_further_apart_than_said(phase: float, drops: float) -> 
 
 
 def test_after_lost_frames_pairs_are_as_near_as_before() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     pairing = Pairing(left, right, clock)
     follow(pairing, clock, 0.5)
@@ -90,7 +77,7 @@ def test_after_lost_frames_pairs_are_as_near_as_before() -> None:
 
 
 def test_the_first_pair_is_waited_for() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock, 0.02)
     left._start = clock.now() + 0.2
     pair = Pairing(left, right, clock).newest()
@@ -98,7 +85,7 @@ def test_the_first_pair_is_waited_for() -> None:
 
 
 def test_no_frames_at_all_is_stalled() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     left.faults.stalled = True
     with pytest.raises(CameraStalled, match="the left camera"):
@@ -106,7 +93,7 @@ def test_no_frames_at_all_is_stalled() -> None:
 
 
 def test_clocks_that_differ_are_apart() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     pairing = Pairing(left, right, clock)
     follow(pairing, clock, 0.5)
@@ -117,7 +104,7 @@ def test_clocks_that_differ_are_apart() -> None:
 
 
 def test_frozen_is_named_only_after_several_repeats() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     pairing = Pairing(left, right, clock)
     follow(pairing, clock, 0.5)
@@ -131,7 +118,7 @@ def test_frozen_is_named_only_after_several_repeats() -> None:
 
 
 def test_black_is_named_and_a_dark_room_is_not() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     pairing = Pairing(left, right, clock)
     left.faults.gain = right.faults.gain = 0.35
@@ -142,7 +129,7 @@ def test_black_is_named_and_a_dark_room_is_not() -> None:
 
 
 def test_looking_seldom_is_no_failure() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     left, right = cameras(clock)
     pairing = Pairing(left, right, clock)
     for _ in range(5):
@@ -176,7 +163,7 @@ class Fixed:
 
 
 def test_of_all_that_fit_the_newest_are_taken() -> None:
-    clock = Clock()
+    clock = StillClock(5.0)
     pairing = Pairing(Fixed("a", [4.90, 4.933, 4.967]), Fixed("b", [4.889, 4.922, 4.949]), clock)
     pair = pairing.newest()
     assert (pair.left.number, pair.right.number) == (1, 2)

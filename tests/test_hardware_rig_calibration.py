@@ -26,6 +26,7 @@ from testbed.hardware.calibration.rig import (
 )
 from testbed.hardware.calibration.rig_fit import BoardPair, fit_rig
 from testbed.hardware.calibration.rig_procedure import BoardWatcher, calibrate_stereo
+from testbed.hardware.clock import StillClock
 from testbed.hardware.emulation.cameras import developed, emulated_pair
 from testbed.hardware.emulation.lens import Lens, Mount, RigTruth, Sensor, built_rig
 from testbed.hardware.emulation.poses import held, held_about, held_as_asked
@@ -36,20 +37,6 @@ from testbed.hardware.prompt import Question, nothing
 
 BOARD = CharucoSpec()
 SIZE = (640, 480)
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
-
-    def wait(self, port: object, deadline: float) -> bool:
-        raise NotImplementedError
 
 
 def views(truth: RigTruth, pose: Vector, rng: np.random.Generator, noise: float = 0.05) -> BoardPair:
@@ -134,7 +121,7 @@ def test_no_board_is_no_view() -> None:
 def test_the_guided_procedure_reaches_its_aims() -> None:
     """Hands that hold the board roughly as they are asked; once they show nothing."""
     chance = np.random.default_rng(1)
-    truth, clock = built_rig(chance), Clock()
+    truth, clock = built_rig(chance), StillClock()
     away = np.eye(4)
     away[2, 3] = -1.0  # behind the cameras
     left, right = emulated_pair(truth, BoardScene(BOARD, away), clock)
@@ -165,7 +152,7 @@ def test_the_guided_procedure_reaches_its_aims() -> None:
 
 
 def test_who_shows_no_board_is_told_what_is_missing() -> None:
-    truth, clock = RigTruth(), Clock()
+    truth, clock = RigTruth(), StillClock()
     away = np.eye(4)
     away[2, 3] = -1.0
     left, right = emulated_pair(truth, BoardScene(BOARD, away, supersample=1), clock)
@@ -175,7 +162,7 @@ def test_who_shows_no_board_is_told_what_is_missing() -> None:
 
 
 def test_a_board_that_moves_is_not_taken() -> None:
-    truth, clock = RigTruth(), Clock()
+    truth, clock = RigTruth(), StillClock()
     left, right = emulated_pair(truth, _Waved(), clock)
     _Waved.phase = 0.0
     assert BoardWatcher(left, right, clock, BOARD).still() is None

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from rig_bench import EYES, Bench, Clock
+from rig_bench import EYES, Bench
 
 from testbed.bodies.morphology import load_robot
 from testbed.errors import UserError
+from testbed.hardware.clock import StillClock
 from testbed.hardware.emulation.cameras import emulated_pair, swap
 from testbed.hardware.emulation.lens import built_rig
 from testbed.hardware.emulation.scenes import RobotScene
@@ -125,7 +126,7 @@ def test_nothing_is_named_while_all_is_well() -> None:
         simulation.add("robot", load_robot("crawler"))
         pan = 0.0
         for seed in range(3):
-            truth, clock = built_rig(np.random.default_rng(seed)), Clock()
+            truth, clock = built_rig(np.random.default_rng(seed)), StillClock(100.0)
             cameras = emulated_pair(truth, RobotScene(simulation, RigSpec(), lambda: pan), clock, seed=seed)
             calibration = true_calibration(truth)
             rig = StereoRig(

@@ -21,6 +21,7 @@ from testbed.hardware.calibration.charuco import CharucoSpec
 from testbed.hardware.calibration.rig import RigCalibration
 from testbed.hardware.calibration.rig_fit import EPIPOLAR_LIMIT
 from testbed.hardware.calibration.rig_procedure import BoardWatcher, calibrate_stereo
+from testbed.hardware.clock import StillClock
 from testbed.hardware.emulation.cameras import emulated_pair
 from testbed.hardware.emulation.lens import RigTruth, built_rig
 from testbed.hardware.emulation.poses import held, held_as_asked
@@ -30,22 +31,6 @@ from testbed.hardware.prompt import Question, nothing
 
 TARGET_BASELINE = 0.1e-3
 """m; what a calibration is to reach."""
-
-
-class StillClock:
-    """Time that passes only when somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
-
-    def wait(self, port: object, deadline: float) -> bool:
-        raise NotImplementedError("nothing is plugged in")
 
 
 def measured(seed: int) -> tuple[float, float, float, float]:

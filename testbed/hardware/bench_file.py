@@ -20,11 +20,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Self
 
-import yaml
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from testbed.document_errors import mistake
-from testbed.documents import Source, plain_scalar, read_document, validate
+from testbed.document_writing import document_text
+from testbed.documents import Source, read_document, validate
 from testbed.errors import UserError
 from testbed.experiment.atomic import write_text
 from testbed.scenario.base import Identifier, Spec, unit_field
@@ -205,21 +205,5 @@ def save_bench(spec: BenchSpec, path: Path) -> BenchSpec:
         UserError: If the place cannot be written.
     """
     data = spec.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    text: str = yaml.dump({"name": spec.name, **data}, Dumper=_Dumper, sort_keys=False, width=1000)
-    write_text(path, text)
+    write_text(path, document_text({"name": spec.name, **data}, width=1000))
     return load_bench(path)
-
-
-class _Dumper(yaml.SafeDumper):
-    """Puts text in quotes that our reader would take for a number, such as the unique id 12e4."""
-
-
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    try:
-        plain = plain_scalar(text) == text and text.isprintable()
-    except ValueError:
-        plain = False
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
-
-
-_Dumper.add_representer(str, _text)

@@ -49,6 +49,25 @@ class WallClock:
         return readable(port, max(0.0, deadline - self.now()))
 
 
+class StillClock:
+    """A :class:`Clock` that moves only while somebody sleeps; nothing is plugged in beside it."""
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """See :class:`Clock`."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """See :class:`Clock`."""
+        self._now += seconds
+
+    def wait(self, port: serial.Serial, deadline: float) -> bool:
+        """There is no port to wait for."""
+        raise NotImplementedError
+
+
 def readable(port: serial.Serial, seconds: float = 0.0) -> bool:
     """Whether a port has something to read, or does so within so many real seconds; a port that is gone has."""
     try:

@@ -15,10 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from testbed.bodies.robot_files import content_of
-from testbed.documents import Document, parse_document, plain_scalar, read_document, validate
+from testbed.document_writing import document_text
+from testbed.documents import Document, parse_document, read_document, validate
 from testbed.errors import UserError
 from testbed.resources import robot_names, robot_path, scenario_path
 from testbed.scenario.bodies import is_path
@@ -169,28 +168,7 @@ def _robots_replaced(data: Any, replace: Callable[[str], object], *, named: bool
 
 def resolve(scenario: Scenario) -> str:
     """The scenario as YAML text with every default filled in; reading it gives an equal scenario."""
-    return yaml.dump(  # type: ignore[no-any-return,unused-ignore]
-        scenario.template, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110
-    )
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes text so that our reader reads it back as text (``1e-3`` is text to PyYAML, a number to us)."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    try:
-        # PyYAML would fold rare line breaks into spaces; escapes in double quotes keep them.
-        plain = plain_scalar(text) == text and text.isprintable()
-    except ValueError:
-        plain = False
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
-
-
-_Dumper.add_representer(str, _represent_text)
+    return document_text(scenario.template)
 
 
 def content_hash(scenario: Scenario) -> str:

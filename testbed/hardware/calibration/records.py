@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import Field, field_validator
 
 from testbed.bodies.parts import Vector
-from testbed.documents import plain_scalar, read_document, validate
+from testbed.document_writing import document_text
+from testbed.documents import read_document, validate
 from testbed.errors import UserError, shown_path
 from testbed.experiment.atomic import write_text
 from testbed.frozen import Frozen
@@ -152,8 +152,7 @@ def save_calibration(calibration: ServoCalibration | TiltCalibration, folder: Pa
     """
     path = calibration_file(folder, calibration.unique_id, calibration.kind)
     data = calibration.model_dump(mode="json")
-    text = yaml.dump({**data, "checksum": _checksum(data)}, Dumper=_Dumper, sort_keys=False, width=110)
-    write_text(path, text)
+    write_text(path, document_text({**data, "checksum": _checksum(data)}))
     return path
 
 
@@ -223,18 +222,3 @@ def _load(
 
 def _checksum(data: dict[str, object]) -> str:
     return f"crc32-{binascii.crc32(json.dumps(data, sort_keys=True).encode()):08x}"
-
-
-class _Dumper(yaml.SafeDumper):
-    """Puts text in quotes that our reader would take for a number, such as the unique id 12e4."""
-
-
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    try:
-        plain = plain_scalar(text) == text and text.isprintable()
-    except ValueError:
-        plain = False
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
-
-
-_Dumper.add_representer(str, _text)
