@@ -108,7 +108,7 @@ def test_a_self_model_that_settles_takes_no_more_physics(
 
 def test_the_quasi_static_solver_asks_no_physics(calls: Counter[str]) -> None:
     body = load_robot("crawler")
-    Settler(body).follow(living.gaits(body, 1)[0])
+    Settler(body).follow(living.gaits(body, 1)[0], living.SERVOS)
     assert not calls
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from motion_builder import CRAWLER, PERIOD, STEP, TIMES, crawling, mirrored, rehearsed
 
+from testbed.bodies.morphology import Vector
 from testbed.student.body.imagination import Imagination
+from testbed.student.body.settling import Settler
 from testbed.student.moving.performing import (
     duration,
     playback,
@@ -71,6 +74,30 @@ def test_the_student_comes_as_far_as_its_teacher_once_it_has_practised() -> None
     assert 0.7 < per_cycle / wanted < 1.3
     assert np.array_equal(better.weights, record.weights)
     assert not np.array_equal(better.performed, record.performed)
+
+
+def test_what_rolls_too_far_off_is_not_imagined_and_that_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    record, parameters = replace(rehearsed(), lag=0.03), PerformingParameters(practice=10, practice_cycles=1)
+    travel = travel_seen(crawling(), record, CRAWLER)
+    flat = np.tile([0.0, 0, 0, 0, 0, 0, 1], (1000, 1))
+    with Imagination(ImaginationParameters(), STEP) as mind, mind.imagine(CRAWLER) as rehearsal:
+        moves = Mock(wraps=rehearsal.move)
+        monkeypatch.setattr(rehearsal, "move", moves)
+
+        def practised() -> Vector:
+            moves.reset_mock()
+            rng = np.random.default_rng(0)
+            return practise(record, CRAWLER, rehearsal, travel, STEP, parameters, rng).performed
+
+        foreseen = practised()
+        assert 1 < moves.call_count <= parameters.practice
+        # Whoever always foresees the same is doubted as much as it was wrong.
+        monkeypatch.setattr(Settler, "follow", lambda _, targets, servos: (flat[: len(targets)], 0 * targets))
+        assert np.array_equal(practised(), foreseen)
+        assert moves.call_count == parameters.practice + 1
+    assert not np.array_equal(foreseen, record.performed)
 
 
 def test_nothing_is_practised_without_a_rhythm() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbed.bodies.morphology import Morphology, Vector
 from testbed.physics import PhysicsSpec, Simulation
+from testbed.student.body.servos import Servos
 from testbed.student.parameters import ImaginationParameters
 
 _BODY = "self"
@@ -91,6 +92,12 @@ class Rehearsal:
 
     def __exit__(self, *_: object) -> None:
         self._simulation.remove(_BODY)
+
+    @property
+    def servos(self) -> Servos:
+        """What moves the joints here."""
+        step = self._simulation.spec.step
+        return Servos(step * self._substeps, step)
 
     def move(
         self, targets: Vector, enough: Enough = lambda step, bases, joints: False

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from testbed.bodies.morphology import CappedCylinder, Cuboid, Morphology, Part, Vector
 from testbed.student.body._postures import BALL, CAPPED, CUBOID, Indices
 from testbed.student.body._settling import settle_commands
+from testbed.student.body.servos import Servos
 
 INCREMENT = math.radians(10.0)
 """The fastest motor turns this far between two rests on the way to a command. Agreement is alike from 3 to 30 deg."""
@@ -70,6 +71,7 @@ class Settler:
             pose = body.mount(joint)
             row[:] = *pose[:3, 3], pose[0, 0], pose[1, 0]
         speeds = np.array([joint.speed_deg for joint in joints])
+        self._rest, self._speeds = body.rest, np.radians(speeds)
         self.joints = len(joints)
         self._body = (
             parents,
@@ -108,7 +110,7 @@ class Settler:
         settle_commands(*self._body, targets, self._increment, starts, True, poses)
         return poses[:, :3]
 
-    def follow(self, targets: Vector) -> tuple[Vector, Vector]:
+    def follow(self, targets: Vector, servos: Servos | None = None) -> tuple[Vector, Vector]:
         """A slow motion: each step starts where the one before came to rest, the first flat.
 
         What touches the ground while the body rolls stays where it is; slipping is not foreseen, so that places on
@@ -116,11 +118,15 @@ class Settler:
 
         Args:
             targets: (steps, joints) joint angles, rad.
+            servos: What moves the joints; None if each step lasts until they are where they are asked to be.
 
         Returns:
             Base (steps, 7) and joints (steps, joints), as :func:`testbed.student.moving.rolls.headings` takes them.
         """
-        return _bases(self._poses(targets, afresh=False)), np.asarray(targets, dtype=float).copy()
+        joints = np.array(targets, dtype=float)
+        if servos is not None:
+            joints = servos.angles(joints, self._rest, self._speeds)
+        return _bases(self._poses(joints, afresh=False)), joints
 
     def _poses(self, targets: Vector, *, afresh: bool) -> Vector:
         targets = np.ascontiguousarray(targets, dtype=float)
@@ -144,8 +150,10 @@ def up_of_tilt(tilt: Vector) -> Vector:
 
 
 def _bases(poses: Vector) -> Vector:
-    up, ahead = poses[:, :3], poses[:, 3:6]
-    matrices = np.stack([ahead, np.cross(up, ahead), up], axis=1)
     if not len(poses):
         return np.empty((0, 7))
-    return np.concatenate([poses[:, 6:9], Rotation.from_matrix(matrices).as_quat()], axis=1)
+    up, ahead = poses[:, :3], poses[:, 3:6]
+    matrices = np.stack([ahead, np.cross(up, ahead), up], axis=1)
+    # They are square to 1e-15; that SciPy makes sure of it takes as long as all the rolling.
+    turns = Rotation.from_matrix(matrices, assume_valid=True)
+    return np.concatenate([poses[:, 6:9], turns.as_quat()], axis=1)
