@@ -11,7 +11,7 @@ from benchmarks.measure import Settings, interleaved
 from benchmarks.row import Row, within
 from benchmarks.trials import SEED
 from testbed.bodies.morphology import load_robot
-from testbed.experiment.trial import live, senses_of, silent, student_of
+from testbed.experiment.trial import live, senses_of, student_of
 from testbed.experiment.witness import Witness
 from testbed.scenario import load_scenario, with_overrides
 from testbed.student.body.imagination import Imagination
@@ -19,6 +19,7 @@ from testbed.student.body.self_discovery import evolve_self_model, random_comman
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.mind import Mind
 from testbed.student.parameters import ImaginationParameters, SelfDiscoveryParameters
+from testbed.student.senses import silent
 from testbed.world.bullet import SimulatedBackend
 from testbed.world.env import World
 
@@ -70,6 +71,7 @@ def considering() -> Callable[[], object]:
         candidate = life.candidates[number]
         mind = Mind(scenario.student, prior, senses, np.random.SeedSequence(seed), silent, {})
         mind.itself = life.selves[life.leader]
-        return mind.consider(number, candidate.watched, candidate.judgements[life.leader].looks)
+        thought = mind.consider(number, candidate.watched, candidate.judgements[life.leader].looks)
+        return thought(silent)
 
     return consider

@@ -102,7 +102,7 @@ class Lines:
         self._total = 1
         self._done = 0
         self._fresh = 0
-        self._began = self._phase_began = time.monotonic()
+        self._began = time.monotonic()
 
     def __enter__(self) -> Lines:
         return self
@@ -113,15 +113,13 @@ class Lines:
     def started(self, path: Path, total: int, finished: int) -> None:
         """Say where the run goes."""
         self._total, self._done = total, finished
-        self._began = self._phase_began = time.monotonic()
+        self._began = time.monotonic()
         self.notice(f"{shown_path(path)}: {finished} of {total} trials are finished")
 
     def progressed(self, job: Job, phase: str, done: int, total: int) -> None:
         """A line when a phase of the only trial ends."""
         if self._total == 1 and done >= total:
-            now = time.monotonic()
-            self.notice(f"{phase}: done in {now - self._phase_began:.1f} s")
-            self._phase_began = now
+            self.notice(f"{phase}: done after {time.monotonic() - self._began:.1f} s")
 
     def finished(self, job: Job) -> None:
         """A line with the time that is left, going by the trials so far."""

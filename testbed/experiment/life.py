@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from testbed.experiment.stage import Opener
 
 
-def live(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
-    """Compute one trial: the student discovers itself, looks, imitates and decides."""
+def live(scenario: Scenario, job: Job, progress: Progress, *, idle: int = 0) -> TrialResult:
+    """Compute one trial: the student discovers itself, looks, imitates and decides; ``idle`` cores may help."""
     from testbed.experiment.trial import run_trial  # physics and compiled kernels, loaded by who computes
 
     if scenario.sweep:
         check_trial(scenario, job.cell, job.trial)  # the check before the run looks at some cells only
-    return run_trial(scenario, job.trial, progress, cell=job.cell)
+    return run_trial(scenario, job.trial, progress, cell=job.cell, idle=idle)
 
 
 def live_on(stage: Opener, folder: Path, scenario: Scenario, job: Job, progress: Progress) -> TrialResult:

@@ -154,12 +154,12 @@ def _work(pipe: Connection, compute: Compute) -> None:
     while True:
         try:
             job: Job = pipe.recv()
-            pipe.send(outcome_of(job, compute, _Reporter(pipe)))
+            pipe.send(outcome_of(job, compute, Reporter(pipe)))
         except (EOFError, OSError):
             return  # nobody listens any more
 
 
-class _Reporter:
+class Reporter:
     """Sends progress, but not more often than anybody can read."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -168,6 +168,7 @@ class _Reporter:
         self._next = 0.0
 
     def __call__(self, phase: str, done: int, total: int) -> None:
+        """Tell the other end of the pipe."""
         now = time.monotonic()
         if phase == self._phase and now < self._next and done < total:
             return

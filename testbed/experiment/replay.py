@@ -15,13 +15,13 @@ from testbed.experiment.jobs import Job
 from testbed.experiment.lived import EndOfRecordError, Lived
 from testbed.experiment.record import Row, TrialResult
 from testbed.experiment.run_directory import RunDirectory
-from testbed.experiment.trial import live, seeds_of, silent, student_of
+from testbed.experiment.trial import live, seeds_of, student_of
 from testbed.experiment.trial_report import report_trial
 from testbed.experiment.witness import Witness
 from testbed.hardware.journal import Note
 from testbed.scenario import drawn, in_cell
 from testbed.student.agent import Life
-from testbed.student.senses import Progress
+from testbed.student.senses import Progress, silent
 from testbed.world.bullet import bodies_of
 from testbed.world.env import World
 

@@ -134,7 +134,6 @@ def run(
     path, lives = out or default_path(scenario), compute is None and bench is None
     if bench is not None:
         compute, executor = functools.partial(live_on, bench.stage, path, scenario), InProcessExecutor()
-    compute = compute or functools.partial(live, scenario)
     _refuse_another_backend(path, bench)
     with RunDirectory.prepare(path, scenario, lambda: _described(scenario, bench)) as directory:
         _tell_changed_source(directory, display)
@@ -143,6 +142,8 @@ def run(
         remaining = [job for job in jobs if job not in finished]
         display.started(path, len(jobs), len(finished))
         recorder = _Recorder(directory, display, stops=bench is not None)
+        idle = _idle(workers, len(remaining)) if executor is None else 0
+        compute = compute or functools.partial(live, scenario, idle=idle)
         executor = executor or executor_for(min(workers, len(remaining)))
         here = lives and remaining and isinstance(executor, InProcessExecutor)  # workers keep the cores busy
         with warming() if here else nullcontext():
@@ -174,6 +175,11 @@ def executor_for(workers: int | None, kind: str = "processes", address: str | No
         raise UserError("processes are on this machine and have no address", "add '--executor ray'")
     workers = workers or len(os.sched_getaffinity(0))
     return ProcessExecutor(workers) if workers > 1 else InProcessExecutor()
+
+
+def _idle(workers: int, trials: int) -> int:
+    """How many cores are left for each trial where there are fewer trials than workers."""
+    return min(workers, len(os.sched_getaffinity(0))) // max(trials, 1) - 1
 
 
 def summed_up(directory: RunDirectory) -> dict[str, Any]:

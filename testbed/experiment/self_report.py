@@ -16,7 +16,7 @@ from testbed.student.body.damage_report import DamageKind, DamageReport, carried
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.self_discovery import SelfDiscoveryRecord
 from testbed.student.body.self_model import BodyPrior, Tree, joined, true_tree
-from testbed.student.mind import Self
+from testbed.student.forms import Self
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.experiment.diary import Diary
+from testbed.experiment.elsewhere import Elsewhere
 from testbed.experiment.jobs import DEFAULT_CELL
 from testbed.experiment.record import TrialResult
 from testbed.experiment.stage import Opener, simulated
@@ -23,17 +24,13 @@ from testbed.scenario import Scenario, drawn, in_cell
 from testbed.student.agent import Student
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.insider import Insider
-from testbed.student.senses import Progress, Senses
+from testbed.student.senses import Progress, Senses, silent
 from testbed.world.backend import Backend
 from testbed.world.env import World
 from testbed.world.gaits import scripted_policy
 from testbed.world.placement import STUDENT, teacher_names
 
 Arrays = dict[str, NDArray[Any]]
-
-
-def silent(phase: str, done: int, total: int) -> None:
-    """Reports no progress."""
 
 
 def run_trial(
@@ -44,6 +41,7 @@ def run_trial(
     cell: str = DEFAULT_CELL,
     stage: Opener = simulated,
     journal: Path | None = None,
+    idle: int = 0,
 ) -> TrialResult:
     """Let the scenario's student live among its teachers once.
 
@@ -55,6 +53,7 @@ def run_trial(
         stage: Opens the world that they live in.
         journal: The file that every step is written to. If it is there, the trial that it holds goes on where it
             broke off.
+        idle: How many cores have nothing else to do; minds beside the leader think there.
 
     Raises:
         UserError: If the world fails, as a bench can; what was lived until then is in the journal.
@@ -70,7 +69,11 @@ def run_trial(
             truth = backend = lived
         world = World(here, backend=backend)
         witness = Witness(here, backend, truth)
-        student = student_of(here, student_seeds, progress, witness.insider())
+        # One more than there are idle cores: where the leader is done and waits, there is one more.
+        elsewhere = stack.enter_context(Elsewhere(idle + 1)) if idle > 0 else None
+        if elsewhere is not None:
+            progress = elsewhere.heeding(progress)
+        student = student_of(here, student_seeds, progress, witness.insider(), elsewhere)
         log = live(world, backend, student, world_seed, witness, think=opened.think)
         if diary is not None and lived is not None:
             diary.finish()
@@ -91,10 +94,11 @@ def student_of(
     seeds: np.random.SeedSequence,
     progress: Progress = silent,
     insider: Insider | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> Student:
     """The scenario's student, with all the minds that it has; an insider is for baselines among them."""
     prior = BodyPrior.of(scenario.student.body())
-    return Student(prior, senses_of(scenario), scenario.minds, seeds, progress, insider)
+    return Student(prior, senses_of(scenario), scenario.minds, seeds, progress, insider, elsewhere)
 
 
 def senses_of(scenario: Scenario) -> Senses:

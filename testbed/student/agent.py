@@ -2,7 +2,7 @@
 
 It meets the world through observations and actions alone. Its life is a generator that yields actions and receives
 observations, so that it can be read from top to bottom. How it thinks is up to its mind; other minds may live in it
-beside, who judge the same candidates by what it sees. The first one leads.
+beside, who judge the same candidates by what it sees. The first one leads; nobody waits for the others but at the end.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from testbed.bodies.morphology import Vector
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.self_model import BodyPrior
 from testbed.student.candidates import Candidate, Sight, choose
+from testbed.student.forms import Self
 from testbed.student.insider import Insider
 from testbed.student.methods import MindPlan
-from testbed.student.mind import Judgement, Mind, Self
+from testbed.student.mind import Judgement, Mind
+from testbed.student.minds import Elsewhere, Looks, Minds, Outcome
 from testbed.student.motion import Watched
-from testbed.student.senses import Acting, Observation, Progress, Senses
+from testbed.student.senses import Acting, Observation, Progress, Senses, silent
 from testbed.vision.foreground import find_candidates
 
 T = TypeVar("T")
-Looks = dict[str, tuple[int, ...]]
-"""Which of the frames of a candidate each mind asked for, by the mind's name."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,7 @@ class Student:
         seeds: Source of all its chance.
         progress: Told how far each phase is.
         insider: Tells baselines among the minds what no student can sense; nobody else is told.
+        elsewhere: Where minds beside the leader may think of candidates; here if not given.
     """
 
     def __init__(
@@ -74,28 +75,17 @@ class Student:
         senses: Senses,
         minds: Sequence[MindPlan],
         seeds: np.random.SeedSequence,
-        progress: Progress = lambda phase, done, total: None,
+        progress: Progress = silent,
         insider: Insider | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
         self._prior, self._senses, self._progress = prior, senses, progress
-        common: dict[str, object] = {}
-        self._minds = tuple(
-            Mind(
-                spec,
-                prior,
-                senses,
-                own,
-                _of(spec, minds, progress),
-                common,
-                insider if spec.phases.privileged else None,
-            )
-            for spec, own in zip(minds, _seeds_of_minds(seeds, len(minds)), strict=True)
-        )
+        self._minds = Minds(prior, senses, minds, seeds, progress, insider, elsewhere)
         self._joints, self._pan = np.zeros(len(prior.motors)), 0.0
-        self._sight = Sight(senses.rig, self._minds[0].parameters.looking.dark_below)
+        self._sight = Sight(senses.rig, self._minds.leader.parameters.looking.dark_below)
         self._steps = 0
         # Between two looks that are not one watching, a whole frame passes.
-        self._blinks = senses.frame_time <= self._minds[0].parameters.looking.dwell_time
+        self._blinks = senses.frame_time <= self._minds.leader.parameters.looking.dwell_time
         self.looking = True  # at the images that come next
         self._acting: Generator[NDArray[np.float32], Observation, Life] | None = None
         self.life: Life | None = None
@@ -120,28 +110,21 @@ class Student:
             return self._action()
 
     def _live(self, first: Observation) -> Generator[NDArray[np.float32], Observation, Life]:
-        leader = self._minds[0]
+        leader = self._minds.leader
         yield from self._look_aside(leader, first)
         selves = {}
         for mind in self._minds:
             selves[mind.name] = yield from self._try(mind, mind.discover_itself())
 
         candidates: list[Candidate] = []
+        outcomes: list[dict[str, Outcome]] = []
         bearings = yield from self._look_around(leader)
         for bearing in bearings:
             others = [other for other in bearings if other != bearing]
             for seen, looks in (yield from self._tell_apart(bearing, others)):
-                judgements = {
-                    mind.name: mind.consider(
-                        len(candidates),
-                        seen.watched,
-                        looks[mind.name],
-                        bearing=seen.bearing,
-                        steps=seen.look_steps,
-                    )
-                    for mind in self._minds
-                }
-                candidates.append(seen.judged(judgements, self._sight.parameters))
+                outcomes.append(self._minds.consider(len(candidates), seen, looks))
+                judgement = outcomes[-1].pop(leader.name)()
+                candidates.append(seen.judged({leader.name: judgement}, self._sight.parameters))
 
         judged = [candidate.judgements[leader.name] for candidate in candidates]
         damage = yield from self._try(leader, leader.check_itself())
@@ -154,6 +137,9 @@ class Student:
             commands = leader.commands(judged[chosen], damage)
             start = self._steps
             steps_done = yield from self._perform(commands)
+        for number, beside in enumerate(outcomes):
+            judgements = {name: outcome() for name, outcome in beside.items()}
+            candidates[number] = candidates[number].judged(judgements, self._sight.parameters)
         return Life(leader.name, selves, tuple(candidates), damage, tuple(again), chosen, start, steps_done)
 
     def _judge_again(
@@ -163,7 +149,9 @@ class Student:
         if not lost.motors:
             return []  # nothing is left to move
         return [
-            mind.consider(number, candidate.watched, candidate.judgements[mind.name].looks, lost)
+            mind.consider(number, candidate.watched, candidate.judgements[mind.name].looks, lost)(
+                mind.progress
+            )
             for number, candidate in enumerate(candidates)
         ]
 
@@ -216,7 +204,7 @@ class Student:
         The paper takes an outline for one candidate, and so does a mind that models by its ``eea``.
         """
         seen, looks = yield from self._watch(bearing, others)
-        if self._minds[0].phases.teacher_modelling == "eea":
+        if self._minds.leader.phases.teacher_modelling == "eea":
             return [(seen, looks)]
         seen, bodies = self._sight.parted(seen)
         found, limit = [], self._senses.pan_limit
@@ -279,23 +267,3 @@ class Student:
 
     def _action(self) -> NDArray[np.float32]:
         return np.append(self._joints, self._pan).astype(np.float32)
-
-
-def _seeds_of_minds(seeds: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:
-    """The leader thinks with the student's own seeds, so that it thinks the same with or without others beside it."""
-    others = [
-        np.random.SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, _BESIDE, number))
-        for number in range(count - 1)
-    ]
-    return [seeds, *others]
-
-
-_BESIDE = 0xB51DE
-"""Keeps the seeds of the minds beside the leader apart from those that it spawns itself."""
-
-
-def _of(spec: MindPlan, minds: Sequence[MindPlan], progress: Progress) -> Progress:
-    """Where there are several minds, progress says whose."""
-    if len(minds) == 1:
-        return progress
-    return lambda phase, done, total: progress(f"{spec.name}: {phase}", done, total)

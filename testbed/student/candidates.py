@@ -48,13 +48,16 @@ class Candidate:
     distance: float | None = None
 
     def judged(self, judgements: Mapping[str, Judgement], parameters: PartingParameters) -> Candidate:
-        """The same with what each mind made of it; whoever says why also says what it could not see."""
+        """The same with what more minds made of it; whoever says why also says what it could not see."""
         words = self._reservations(parameters)
         return replace(
             self,
             judgements={
-                name: replace(judgement, verdict=judgement.verdict.but(words))
-                for name, judgement in judgements.items()
+                **self.judgements,
+                **{
+                    name: replace(judgement, verdict=judgement.verdict.but(words))
+                    for name, judgement in judgements.items()
+                },
             },
         )
 

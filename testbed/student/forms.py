@@ -10,11 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.bodies.morphology import Morphology, Vector
-from testbed.student.body.self_model import BodyPrior
+from testbed.student.body.self_model import BodyPrior, Tree
 from testbed.student.motion import TeacherMotion
 
 Told = Callable[[int, int], None]
 """Called with how much of a phase is done, and how much there is."""
+
+
+class Self(Protocol):
+    """What a mind found out about its body (Section 3.2)."""
+
+    @property
+    def body(self) -> Morphology:
+        """The self-model."""
+        ...
+
+    @property
+    def stages(self) -> tuple[tuple[Tree, Vector], ...]:
+        """The best self-model after each step: on what the limbs hang, and at what angles (limbs,) rad."""
+        ...
+
+    @property
+    def errors(self) -> Vector:
+        """Its error after each step, Eq. 1, rad."""
+        ...
+
+    @property
+    def commands(self) -> Vector:
+        """(n, joints) the commands that it tried, rad."""
+        ...
+
+    @property
+    def tilt(self) -> Vector:
+        """(n, 2) how they tilted the body, rad."""
+        ...
 
 
 class Modelled(Protocol):

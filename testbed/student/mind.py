@@ -8,57 +8,28 @@ senses. What two of them would work out alike is worked out once.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from testbed.bodies.morphology import Morphology, Vector
+from testbed.bodies.morphology import Vector
 from testbed.student import phases
 from testbed.student.body.damage import SelfCheck
 from testbed.student.body.damage_report import DamageReport
 from testbed.student.body.posterior import SelfKnowledge
 from testbed.student.body.rediscovery import Rediscovery
-from testbed.student.body.self_model import BodyPrior, Tree
-from testbed.student.forms import Imitated, Modelled, Own
+from testbed.student.body.self_model import BodyPrior
+from testbed.student.forms import Imitated, Modelled, Own, Self
 from testbed.student.insider import Insider
 from testbed.student.judging.verdict import Verdict
 from testbed.student.methods import MindPlan
 from testbed.student.motion import Watched
 from testbed.student.parameters import ActiveDiscoveryParameters
-from testbed.student.senses import Progress, Senses
+from testbed.student.senses import Progress, Senses, silent
 
 T = TypeVar("T")
-
-
-class Self(Protocol):
-    """What a mind found out about its body (Section 3.2)."""
-
-    @property
-    def body(self) -> Morphology:
-        """The self-model."""
-        ...
-
-    @property
-    def stages(self) -> tuple[tuple[Tree, Vector], ...]:
-        """The best self-model after each step: on what the limbs hang, and at what angles (limbs,) rad."""
-        ...
-
-    @property
-    def errors(self) -> Vector:
-        """Its error after each step, Eq. 1, rad."""
-        ...
-
-    @property
-    def commands(self) -> Vector:
-        """(n, joints) the commands that it tried, rad."""
-        ...
-
-    @property
-    def tilt(self) -> Vector:
-        """(n, 2) how they tilted the body, rad."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -80,6 +51,10 @@ class Judgement:
     controller_verdict: Verdict | None
 
 
+Thought = Callable[[Progress], Judgement]
+"""What is still to be thought about a candidate, telling how far it is; a pickled one can be thought elsewhere."""
+
+
 class Mind:
     """One way of thinking.
 
@@ -89,7 +64,7 @@ class Mind:
         senses: What it knows of its equipment.
         seeds: Source of all its chance.
         progress: Told how far each phase is.
-        common: Thoughts of all the minds of a student, by what they depend on.
+        common: Thoughts of all the minds of a student, by self-discovery and by all that they depend on.
         insider: Tells baselines what no student can sense.
     """
 
@@ -100,7 +75,7 @@ class Mind:
         senses: Senses,
         seeds: np.random.SeedSequence,
         progress: Progress,
-        common: dict[str, object],
+        common: dict[str, dict[str, object]],
         insider: Insider | None = None,
     ) -> None:
         if spec.phases.privileged != (insider is not None):
@@ -108,9 +83,18 @@ class Mind:
         self._insider = insider
         self.name, self.phases, self.parameters = spec.name, spec.phases, spec.parameters
         self._prior, self._senses, self._seeds = prior, senses, seeds
-        self._progress, self._common = progress, common
+        self.progress = progress
         self._self_discovery = self._key("self_discovery")
+        self._common = common.setdefault(self._self_discovery, {})
         self.itself: Self | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """For another process, where nobody shares its thoughts or hears of its progress."""
+        return self.__dict__ | {"progress": silent, "_common": {}}
+
+    def shares_with(self, other: Mind) -> bool:
+        """Whether the two may work something out alike: they found their bodies in the same way."""
+        return self._common is other._common
 
     @property
     def looks(self) -> tuple[float, ...]:
@@ -183,8 +167,8 @@ class Mind:
         *,
         bearing: float = 0.0,
         steps: tuple[int, ...] = (),
-    ) -> Judgement:
-        """Sections 3.3 and 3.4: model a candidate, try to move like it, and decide.
+    ) -> Thought:
+        """Sections 3.3 and 3.4: to model a candidate, to try to move like it, and to decide.
 
         Args:
             number: Which candidate.
@@ -193,20 +177,35 @@ class Mind:
             lost: What it found when a limb was gone: it compares the candidate with the body that is left.
             bearing: Where the candidate stands, rad; what an insider is asked about.
             steps: The action count at each frame; likewise.
+
+        Returns:
+            The thought itself: it takes long. What is left to chance in it is settled now.
         """
         assert self.itself is not None, "a mind discovers itself before it judges others"
-        watching, trying = map(np.random.default_rng, self._seeds.spawn(2))
-        parameters, insider = self.parameters, self._insider
+        insider = self._insider
         shown = tuple(steps[look] for look in looks) if insider is not None else ()
         told = None if insider is None else functools.partial(insider.parts_of, bearing, shown)
-        own = Own(self._prior, self.itself.body, told)
+        own, itself = Own(self._prior, self.itself.body, told), self._self_discovery
         if lost is not None:
-            own = Own(BodyPrior.of(lost.body), lost.body)
-        body = own.body
-        seen = watched.at(looks)
+            own, itself = Own(BodyPrior.of(lost.body), lost.body), f"{self.name} of what is left"
+        about = f"{number} {looks} {itself}"
+        return functools.partial(
+            self._judge, number, about, watched.at(looks), looks, own, self._seeds.spawn(2)
+        )
 
-        itself = self._self_discovery if lost is None else f"{self.name} of what is left"
-        modelling = f"{number} {looks} {itself} {self._key('teacher_modelling')}"
+    def _judge(
+        self,
+        number: int,
+        about: str,
+        seen: Watched,
+        looks: tuple[int, ...],
+        own: Own,
+        chances: Sequence[np.random.SeedSequence],
+        progress: Progress,
+    ) -> Judgement:
+        watching, trying = map(np.random.default_rng, chances)
+        parameters, body = self.parameters, own.body
+        modelling = f"{about} {self._key('teacher_modelling')}"
         model = self._once(
             modelling,
             lambda: phases.TEACHER_MODELLING[self.phases.teacher_modelling](
@@ -215,14 +214,14 @@ class Mind:
                 self._senses,
                 parameters,
                 watching,
-                self._phase(f"teacher modelling {number}"),
+                _of(f"teacher modelling {number}", progress),
             ),
         )
         imitating = f"{modelling} {self._key('imitation')}"
         imitation = self._once(
             imitating,
             lambda: phases.IMITATION[self.phases.imitation](
-                model, body, self._senses, parameters, trying, self._phase(f"imitation {number}")
+                model, body, self._senses, parameters, trying, _of(f"imitation {number}", progress)
             ),
         )
         verdict = phases.VERDICT[self.phases.verdict](model, imitation, body, parameters, trying)
@@ -274,4 +273,8 @@ class Mind:
         return self._common[key]  # type: ignore[return-value]
 
     def _phase(self, name: str) -> Callable[[int, int], None]:
-        return lambda done, total: self._progress(name, done, total)
+        return _of(name, self.progress)
+
+
+def _of(phase: str, progress: Progress) -> Callable[[int, int], None]:
+    return lambda done, total: progress(phase, done, total)

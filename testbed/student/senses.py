@@ -19,6 +19,10 @@ Progress = Callable[[str, int, int], None]
 """Called with the phase, how much of it is done, and how much there is."""
 
 
+def silent(phase: str, done: int, total: int) -> None:
+    """Reports no progress."""
+
+
 @dataclass(frozen=True)
 class Senses:
     """What the student knows of its own equipment.
