@@ -6,10 +6,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numba
+import pytest
 from numba.core import event
+from numba.core.registry import cpu_target
 
-from testbed.vision import _jit
+from testbed.vision import _compiling, _jit
 from testbed.vision._jit import compiled
 
 CALLEE = """
@@ -37,19 +41,23 @@ def test_a_change_in_a_called_file_is_noticed(tmp_path: Path) -> None:
     student.mkdir()
     for package in (tmp_path / "testbed", vision, student):
         (package / "__init__.py").touch()
-    shutil.copy(_jit.__file__, vision / "_jit.py")
+    for source in (_jit, _compiling):
+        shutil.copy(str(source.__file__), vision)
     (student / "_caller.py").write_text(CALLER)
 
-    def run(value: int) -> str:
+    def start(value: int) -> subprocess.Popen[str]:
         (vision / "callee.py").write_text(CALLEE.format(value))
         command = [sys.executable, "-B", "-m", "testbed.student._caller"]
-        return subprocess.run(
-            command, cwd=tmp_path, capture_output=True, text=True, check=True
-        ).stdout.strip()
+        return subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
 
-    assert run(1) == "1 0"
-    assert run(1) == "1 1"
-    assert run(2) == "2 0"  # numba alone would load the caller's cached code, and answer 1
+    both = [start(1), start(1)]
+    assert sorted(each.communicate()[0].strip() for each in both) == [
+        "1 0",
+        "1 1",
+    ]  # one waited for the other
+    assert (
+        start(2).communicate()[0].strip() == "2 0"
+    )  # numba alone would load the caller's cached code, and answer 1
 
 
 @compiled
@@ -69,3 +77,14 @@ def test_constants_are_not_compiled_for_apart_and_both_can_be_called_from_python
     assert names.count("_inner") <= 1  # none at all if the cache knows the outer one
     assert not _inner.signatures  # type: ignore[attr-defined]
     assert _inner(3.0, True) == 6.0
+
+
+def test_only_what_python_calls_becomes_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine: Any = cpu_target.target_context.codegen()._engine
+    made, add_module = [], engine.add_module
+    monkeypatch.setattr(engine, "add_module", lambda module: made.append(add_module(module)))
+    increment: Any = compiled(lambda x: x + 1.0)
+    doubled: Any = numba.njit(lambda x: 2.0 * increment(x))
+    with _compiling.thrifty():
+        assert doubled(1.0) == 4.0
+    assert len(made) == 1

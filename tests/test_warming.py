@@ -25,6 +25,6 @@ def test_students_call_what_was_compiled_for_them() -> None:
     body = lay_out(own_limbs(load_robot("crawler"))[0], 1)
     eyes = eyes_of(np.zeros((2, 2, rig.height, rig.width), np.float32), rig)
     settle_poses(body, eyes, np.arange(2), np.ones((2, body.pose + body.shared)))
-    for function in (_eea.run_passes, _bundle.costs, _bundle.linearised):
+    for function in (_eea.run_passes, _bundle.fan_costs, _bundle.linearised):
         assert is_kept(function)
         assert len(function.signatures) == 1  # type: ignore[union-attr]

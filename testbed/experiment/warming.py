@@ -56,13 +56,13 @@ def compile_seeing() -> None:
     eyes = eyes_of(np.zeros((1, 2, rig.height, rig.width), np.float32), rig)
     x = np.zeros((1, body.pose + body.shared))
     x[0, body.find("depth")] = 1.0
-    _bundle.costs(body.plan, 1, eyes, frames, x)
     _bundle.linearised(body.plan, 1, eyes, frames, x, np.arange(2), np.full(2, 1e-3))
     _bundle.fan_costs(body.plan, 1, 0, eyes, frames, x, np.zeros(1), np.zeros(1))
-    render(describe(body, x)[0], rig)
+    parts = describe(body, x)[0]
     white = np.full((rig.height, rig.width), 255, np.uint8)
     brief = TeacherModellingParameters(passes_per_image=1)
     Modelling(rig, 1, brief, np.random.default_rng(0)).observe(white, white)
+    render(parts, rig)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ functions that only others call leave nothing of their own: no entry for Python,
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
-import gc
 import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,13 +22,15 @@ from numba import types
 F = TypeVar("F", bound=Callable[..., Any])
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ARITHMETIC: dict[str, Any] = {"error_model": "numpy"}
+_FOR_PYTHON: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
+_INSIDE_KNOWN = "0.68."
 _CALLED_BY_COMPILED_ALONE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def compiled(function: F) -> F:
     """Compile the function when it is first called, and keep the machine code on disk."""
     # The numpy error model: the Python model's test for zero denominators would keep loops from being vectorised.
-    dispatcher: Any = numba.njit(cache=True, **_ARITHMETIC)(function)
+    dispatcher: Any = numba.njit(**_FOR_PYTHON, **_ARITHMETIC)(function)
     # numba notices a change of the function's own file, but not of the compiled functions that it calls: without
     # this a loop goes on running yesterday's kernel. Where numba has no such place, its own stamp stays.
     with contextlib.suppress(AttributeError):
@@ -38,15 +40,15 @@ def compiled(function: F) -> F:
     compile_from_python = dispatcher.compile
     unliteral: Callable[[Any], Any] = types.unliteral
 
-    def compile_in_peace(signature: Any) -> Any:
-        with _no_garbage_collected():
+    def compile_thriftily(signature: Any) -> Any:
+        with _nobody_else_at_it(dispatcher), _thrifty():
             return compile_from_python(signature)
 
     def template_for_compiled_callers(arguments: Any, keywords: Any) -> Any:
         # A constant is an argument like any other, or all would be compiled again for it.
         return part.get_call_template([unliteral(each) for each in arguments], keywords)
 
-    dispatcher.compile = compile_in_peace
+    dispatcher.compile = compile_thriftily
     dispatcher.get_call_template = template_for_compiled_callers
     dispatcher.get_overload = part.get_overload
     return cast("F", dispatcher)
@@ -59,16 +61,23 @@ def is_kept(function: Callable[..., Any]) -> bool:
     return True
 
 
+def _thrifty() -> contextlib.AbstractContextManager[None]:
+    if not numba.__version__.startswith(_INSIDE_KNOWN):
+        return contextlib.nullcontext()
+    from testbed.vision._compiling import thrifty  # not before numba is at work
+
+    return thrifty()
+
+
 @contextlib.contextmanager
-def _no_garbage_collected() -> Iterator[None]:
-    """Compiling makes millions of small objects that live on; looking for garbage among them takes a fifth of it."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
+def _nobody_else_at_it(dispatcher: Any) -> Iterator[None]:
+    """Of several processes that want a function one compiles it; the others wait, and find it on the disk."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(AttributeError, OSError):
+            lock = Path(dispatcher._cache._cache_file._index_path).with_suffix(".lock")
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            fcntl.flock(stack.enter_context(lock.open("w")), fcntl.LOCK_EX)  # until it is closed
         yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 @functools.cache

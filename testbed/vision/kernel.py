@@ -67,7 +67,8 @@ def _cover_capsule(
     """
     square = radius * radius
     along = min(max(cx * ux + cy * uy, -half), half)
-    if (cx - along * ux) ** 2 + (cy - along * uy) ** 2 + cz * cz <= square:
+    x, y = cx - along * ux, cy - along * uy
+    if x * x + y * y + cz * cz <= square:
         out[:] = 1
         return
     for i in range(dx.size):

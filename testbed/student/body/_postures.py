@@ -74,7 +74,8 @@ def place_parts(
         spheres: (s, 4) out: centre and radius.
         centre: (3,) out.
     """
-    frames[0, :] = 0.0
+    for k in range(12):
+        frames[0, k] = 0.0
     frames[0, 0] = frames[0, 4] = frames[0, 8] = 1.0
     for index in range(len(order)):
         limb = order[index]

@@ -197,7 +197,8 @@ def _turn_heading(
 @compiled
 def _stand(pose: Vector, up: Vector) -> None:
     """Begin with this up direction (3,), in the middle of the ground; the world's x is any direction square to it."""
-    pose[:] = 0.0
+    for k in range(9):
+        pose[k] = 0.0
     u0, u1, u2 = up
     if abs(u0) < 0.9:
         norm = 1 / math.hypot(u1, u2)

@@ -36,9 +36,17 @@ def gap(
     frames = np.empty((len(wanted), 3, 3))
     x, y, z, w = base[3], base[4], base[5], base[6]
     scale = 2 / (x * x + y * y + z * z + w * w)
-    frames[0, 0] = 1 - scale * (y * y + z * z), scale * (x * y - z * w), scale * (x * z + y * w)
-    frames[0, 1] = scale * (x * y + z * w), 1 - scale * (x * x + z * z), scale * (y * z - x * w)
-    frames[0, 2] = scale * (x * z - y * w), scale * (y * z + x * w), 1 - scale * (x * x + y * y)
+    # One by one: numba compiles an array assignment for a second (its error message, mostly).
+    root = frames[0]
+    root[0, 0] = 1 - scale * (y * y + z * z)
+    root[0, 1] = scale * (x * y - z * w)
+    root[0, 2] = scale * (x * z + y * w)
+    root[1, 0] = scale * (x * y + z * w)
+    root[1, 1] = 1 - scale * (x * x + z * z)
+    root[1, 2] = scale * (y * z - x * w)
+    root[2, 0] = scale * (x * z - y * w)
+    root[2, 1] = scale * (y * z + x * w)
+    root[2, 2] = 1 - scale * (x * x + y * y)
     for row in range(len(tree)):
         joint, parent, child = tree[row]
         cosine, sine = math.cos(angles[joint]), math.sin(angles[joint])
@@ -58,5 +66,6 @@ def gap(
         down = -frames[part, 2, 0]
         roll = (math.atan2(down, across) + half) % (2 * half) - half
         if math.hypot(across, down) > _SHORT and abs(roll) < half - _EDGE:
-            total += (wanted[part] - roll) ** 2
+            off = wanted[part] - roll
+            total += off * off
     return total

@@ -17,22 +17,12 @@ _ROOM = 6000
 """Pixels of one frame that may change with the numbers of a body."""
 
 
-@compiled
 def costs(
     plan: Plan, drawn: int, eyes: Eyes, frames: NDArray[np.int64], x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(B,) cost of each hypothesis: x (B, m) in frame ``frames`` (B,), with the parts of the bit set ``drawn``."""
-    height, width = eyes.alpha.shape[2], eyes.alpha.shape[3]
-    desk = desk_of(plan.shape.size, height, width)
-    cover, rows = np.zeros((height, width)), row_ends(height, width)
-    out = np.empty(frames.size)
-    for b in range(frames.size):
-        place_parts(plan, x[b], desk.centre, desk.axes, desk.size)
-        out[b] = eyes.blank[frames[b]]
-        for eye in range(2):
-            out[b] += draw(plan, drawn, eyes, frames[b], eye, desk, cover, rows, True)
-            clear(cover, rows)
-    return out
+    nothing = np.empty(0)
+    return linearised(plan, drawn, eyes, frames, x, nothing.astype(np.int64), nothing)[0]
 
 
 @compiled
@@ -93,12 +83,13 @@ def linearised(
     """
     height, width = eyes.alpha.shape[2], eyes.alpha.shape[3]
     n = free.size
+    high, room = (height, _ROOM) if n > 0 else (0, 0)  # what only derivatives need
     desk = desk_of(plan.shape.size, height, width)
-    here, there = np.zeros((height, width)), np.zeros((height, width))
-    rows, others = row_ends(height, width), row_ends(height, width)
-    slot = np.full((height, width), -1, np.int64)
-    slopes, rests = np.empty((_ROOM, n)), np.empty(_ROOM)
-    spots = np.empty((_ROOM, 2), np.int64)
+    here, there = np.zeros((height, width)), np.zeros((high, width))
+    rows, others = row_ends(height, width), row_ends(high, width)
+    slot = np.full((high, width), -1, np.int64)
+    slopes, rests = np.empty((room, n)), np.empty(room)
+    spots = np.empty((room, 2), np.int64)
     cost, gradient, matrix = np.empty(frames.size), np.zeros((frames.size, n)), np.zeros((frames.size, n, n))
     for b in range(frames.size):
         cost[b] = eyes.blank[frames[b]]

@@ -125,8 +125,8 @@ def _learn(
         label = int(view.images[camera, pixel])
         memory.dx[camera, slot] = view.dx[pixel]
         memory.dy[camera, slot] = view.dy[pixel]
-        new_white = (label - WHITE) ** 2
-        new_dark = (label - dark) ** 2 - new_white
+        new_white = (label - WHITE) * (label - WHITE)
+        new_dark = (label - dark) * (label - dark) - new_white
         ray = slice(slot, slot + 1)
         for m in range(2):
             rows = memory.rows[m, camera]

@@ -182,7 +182,7 @@ def draw(
 @compiled
 def row_ends(height: int, width: int) -> NDArray[np.int64]:
     """(4, height) ends of rows when nothing is drawn yet; see ``add_outline``."""
-    rows = np.zeros((4, height), np.int64)
-    rows[2] = width
-    rows[3] = -1
+    rows = np.empty((4, height), np.int64)
+    for v in range(height):
+        rows[0, v], rows[1, v], rows[2, v], rows[3, v] = 0, 0, width, -1
     return rows
