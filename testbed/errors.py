@@ -44,6 +44,13 @@ def _rebuilt(what: str, mend: str, file: Path | str | None, line: int | None) ->
     return UserError(what, mend, file=file, line=line)
 
 
+def is_interrupt(error: BaseException) -> bool:
+    """Whether it is Ctrl-C: compiled code that is called just then passes it on as the cause of a SystemError."""
+    return isinstance(error, KeyboardInterrupt) or (
+        isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt)
+    )
+
+
 def did_you_mean(word: str, known: Iterable[str], *, kind: str = "names") -> str:
     """A mend for an unknown word: the nearest known one, or the list of them all."""
     words = list(known)

@@ -28,7 +28,7 @@ Said = tuple[int, str, str]
 def say(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """Runs the command in this process, with invented trials and reports."""
 
-    def instant(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    def instant(scenario: Scenario, job: Job, progress: Progress, *, idle: int) -> TrialResult:
         return compute(job, progress)
 
     def page(folder: Path) -> Path:
@@ -58,7 +58,7 @@ def test_run_ends_with_the_verdicts_and_the_report(say: Any, tmp_path: Path) -> 
 def test_a_student_without_teachers_has_a_report_too(
     say: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def alone(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    def alone(scenario: Scenario, job: Job, progress: Progress, *, idle: int) -> TrialResult:
         result = compute(job, progress)
         names = {"kind": "self", "trial": job.trial, "cell": job.cell, "student": "like_me"}
         return TrialResult(({**names, "topology_right": True},), result.arrays)
@@ -90,7 +90,7 @@ def test_options_of_run_reach_the_scenario(say: Any, tmp_path: Path, monkeypatch
 
 
 def test_failed_trials_make_the_status_1(say: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    def broken(scenario: Scenario, job: Job, progress: Progress, *, idle: int) -> TrialResult:
         if job.trial == 1:
             raise RuntimeError("servo on fire")
         return compute(job, progress)
@@ -106,7 +106,7 @@ def test_failed_trials_make_the_status_1(say: Any, tmp_path: Path, monkeypatch: 
 def test_a_users_mistake_that_a_trial_meets_is_one_line_and_status_2(
     say: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def mistaken(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+    def mistaken(scenario: Scenario, job: Job, progress: Progress, *, idle: int) -> TrialResult:
         if job.trial == 1:
             raise scenario.source.error(("world",), "the episode is too short", "raise world.max_cycles")
         return compute(job, progress)
@@ -216,8 +216,13 @@ def test_an_internal_error_keeps_its_traceback_in_the_run_directory(
     assert "in broken" in (tmp_path / "error.txt").read_text()
 
 
-def test_ctrl_c_is_status_130_and_one_line(say: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def stopped(scenario: Scenario, job: Job, progress: Progress) -> TrialResult:
+@pytest.mark.parametrize("through_compiled_code", [False, True])
+def test_ctrl_c_is_status_130_and_one_line(
+    say: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, through_compiled_code: bool
+) -> None:
+    def stopped(scenario: Scenario, job: Job, progress: Progress, *, idle: int) -> TrialResult:
+        if through_compiled_code:
+            raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(runner_module, "live", stopped)

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from testbed.errors import UserError
+from testbed.errors import UserError, is_interrupt
 from testbed.experiment.jobs import Job
 from testbed.experiment.record import TrialResult
 
@@ -63,6 +63,8 @@ class InProcessExecutor:
             except UserError as error:
                 listener.mistaken(job, error)
             except Exception as error:
+                if is_interrupt(error):
+                    raise KeyboardInterrupt from error
                 listener.failed(job, summary(error), traceback.format_exc())
             else:
                 listener.finished(job, result)
