@@ -22,7 +22,7 @@ LIKE_ME_SECONDS = 5.0
 TRIALS, MINUTES, SPEED_UP = 30, 3.0, 1.7
 OF_THIRTY = 4
 FLOOR = (
-    "two controllers of 400 mutations take some 800,000 steps of PyBullet a trial, at 21 us each 17 s of a core, "
+    "two controllers of 500 mutations take some 800,000 steps of PyBullet a trial, at 21 us each 17 s of a core, "
     "when none is imagined further than it can win; a coarser imagined step would be another student"
 )
 SLOW_ROUNDS = 3  # of what takes half a minute and more
