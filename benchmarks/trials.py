@@ -108,7 +108,7 @@ def make_run(settings: Settings) -> Iterator[Row]:
     walls, processors = np.array([run_once() for _ in range(min(settings.rounds, SLOW_ROUNDS))]).T
     name = "`make run`, installed and compiled"
     busy = f"{np.median(processors):.0f} processor seconds"
-    why = "most of it is the paper's student beside, see above; a trial of like_me alone takes a third"
+    why = "half of it is the paper's student beside, on the second core meanwhile; a quarter is the report"
     yield within(name, MAKE_RUN_SECONDS, walls, note=f"by the clock, all cores; {busy}", why=why)
     before = np.resize(BEFORE, len(processors))
     yield faster(name, "commit b42871f", before, processors, note=BEFORE_NOTE)

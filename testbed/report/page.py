@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image
 
 from testbed.experiment.atomic import write_text
+from testbed.garbage import rarely_collected
 from testbed.report import html, story, story_motion
 from testbed.report.claims import FEWEST, FLAT, claims
 from testbed.report.comparison import summaries_of
@@ -37,7 +38,7 @@ def write_report(run_directory: Path) -> Path:
     """
     desk = Desk.of(read_run(run_directory))
     path = run_directory / "report.html"
-    with _filming(desk) as film:
+    with _filming(desk) as film, rarely_collected():
         write_text(path, html.page(f"{desk.run.name}: whom to imitate", _body(desk, film)))
     return path
 
