@@ -42,7 +42,7 @@ GROUPS = {
         seeing.rows, "Which of K requested pixels does a model darken; time of one model in one camera.", 60
     ),
     "modelling": Group(modelling.rows, "The paper's estimation-exploration algorithm, one teacher.", 70),
-    "living": Group(living.rows, "What the student tries out in its mind.", 60),
+    "living": Group(living.rows, "What the student tries out in its mind; five times as many turns.", 80),
     "worlds": Group(worlds.rows, "Control steps of the world; the peer's time over ours.", 40),
     "phases": Group(phases.rows, "Single phases of a life, with the shipped parameters.", 60),
     "trials": Group(trials.rows, "Whole trials and runs.", 400),
