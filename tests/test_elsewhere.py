@@ -72,13 +72,14 @@ def test_others_hear_how_far_a_thought_is(tmp_path: Path) -> None:
 
 
 KILLED = """
-import os, sys
+import os, signal, sys
 from multiprocessing import connection
 from pathlib import Path
 from pondering import Pondering
 from testbed.experiment.elsewhere import Elsewhere
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
     folder = Path(sys.argv[1])
     with Elsewhere(1) as apart:
         apart(Pondering(os.getpid(), folder / "never"), lambda *far: None)
@@ -103,7 +104,7 @@ def test_a_thought_ends_with_the_process_that_wants_it(tmp_path: Path, how: sign
         thinker = int(wanting.stdout.readline())
         assert lives(thinker)
         wanting.send_signal(how)
-        wanting.wait()
+        wanting.wait(timeout=60)
         until = time.monotonic() + 20
         while lives(thinker) and time.monotonic() < until:
             time.sleep(0.02)
