@@ -268,6 +268,9 @@ def test_equal_seeds_repeat_bit_for_bit(kind: str, make: Callable[[str], Subject
 
 def test_pettingzoos_own_test(living: Subject, here: Scenario) -> None:
     world = World(here, backend=living.backend)
+    for number, agent in enumerate(world.possible_agents):
+        # By themselves they may throw a body about until its sensor is doubted.
+        world.action_space(agent).seed(number)
     parallel_api_test(world, num_cycles=12)
 
 
